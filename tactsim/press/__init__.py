@@ -6,7 +6,8 @@ here: what is learned from readings (estimators), or how a real pad is read (har
 `engine` chooses who presses: `exact`, `balance` (the engine bed, over `bed`, `clip`, `levels` and `scene`), `collide`
 with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `force_control` goes through time.
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
-`pad_surface`, `geom_gap`, `layer_balance` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo model.
+`pad_surface`, `geom_gap`, `layer_balance`, `pad_press` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo
+model.
 
 `press_model` predicts readings, and their derivatives, for estimators that press by themselves. The package `space`
 touches objects in space from any side.

@@ -140,7 +140,7 @@ def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:
     """Raise InputError if a height field, a signed distance field or a flex can touch the pad's geoms."""
     felt = touchable(model, geoms)
     for geom in np.flatnonzero(felt & np.isin(model.geom_type, _UNFELT)):
-        body_of(model, int(geom))
+        body_of(model, [int(geom)])
     own = model.geom_contype[geoms], model.geom_conaffinity[geoms]
     for flex in range(model.nflex):
         if ((own[0] & model.flex_conaffinity[flex]) | (own[1] & model.flex_contype[flex])).any():

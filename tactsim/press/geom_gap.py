@@ -1,4 +1,4 @@
-"""How far a geom is from a surface: along each of the surface's normals, the distance to where the geom begins.
+"""How far the geoms of a body are from a surface: along each of its normals, the distance to where the body begins.
 
 A geom is convex, as MuJoCo's collision takes it: a mesh is its convex hull. Each line along a normal enters it
 at one point, ahead of the surface or, where the two overlap, behind it.
@@ -10,227 +10,306 @@ in part.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numba import float64, int64, types, void
 
+from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.pad_kernels import SMALL, STEEP, cut_all, enter, unite
-from tactsim.press.pad_surface import Lines
+from tactsim.press.pad_kernels import SMALL, STEEP, cut, enter, unite
+from tactsim.press.pad_surface import LINES, Lines
 
 _MM = 1e3  # mm in a metre
+_FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
 
 
-@dataclass(frozen=True, eq=False)
-class Facets:
-    """The flat faces of a convex body, {x: normals x <= offsets}: (f, 3) and (f,) mm in the body's frame.
+class Body(NamedTuple):
+    """The p geoms of a rigid body, each in its own frame.
 
-    middles (f, 3) mm and radii (f,) mm: balls that hold each face, where the faces are many.
+    kind: (p,), flat faces, an ellipsoid, a cylinder or a capsule along z. size: (p, 3) mm, half-axes, or the radius and
+    half the length of the cylinder. first: (p + 1,), where each geom's faces begin among f. normals (f, 3) and offsets
+    (f,) mm: the geom is {x: normals x <= offsets}. balls: (f, 4) mm, a middle and a radius that hold each face.
     """
 
-    normals: FloatArray
-    offsets: FloatArray
-    middles: FloatArray | None = None
-    radii: FloatArray | None = None
-
-    def near(self, points: FloatArray) -> Facets:
-        """Leave out faces that are further from points (n, 3) mm than the body is, by more than the points' spread.
-
-        The faces that are left rise above the points in all directions by that spread, far more than a layer gives way.
-        """
-        if self.middles is None or self.radii is None:
-            return self
-        middle = points.mean(axis=0)
-        spread = 1.5 * np.sqrt(((points - middle) ** 2).sum(axis=1).max())
-        away = np.sqrt(((self.middles - middle) ** 2).sum(axis=1)) - self.radii
-        some = away <= max(away.min(), 0.0) + spread
-        return Facets(self.normals[some], self.offsets[some])
+    kind: Ints
+    size: Reals
+    first: Ints
+    normals: Reals
+    offsets: Reals
+    balls: Reals
 
 
-@dataclass(frozen=True, eq=False)
-class Round:
-    """A sphere or an ellipsoid by its half-axes, (3,) mm."""
+class Pose(NamedTuple):
+    """The frames of p geoms in the pad's: rotations (p, 3, 3) and positions (p, 3) mm."""
 
-    half: FloatArray
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder along z, by its radius and half its length, mm."""
-
-    radius: float
-    half: float
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """A cylinder along z with half a sphere at each end, by its radius and half the cylinder's length, mm."""
-
-    radius: float
-    half: float
-
-
-Body = Facets | Round | Cylinder | Capsule
-
-
-def body_of(model: mujoco.MjModel, geom: int) -> Body:
-    """Describe a geom of a model in its own frame.
-
-    Raises InputError, naming the geom, if it is a height field or a signed distance field.
-    """
-    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom] * _MM
-    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return Facets(np.array([[0.0, 0.0, 1.0]]), np.zeros(1))
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return Facets(np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([size, size]))
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return Round(np.full(3, size[0]))
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return Round(size)
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return Cylinder(size[0], size[1])
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return Capsule(size[0], size[1])
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _hull(model, model.geom_dataid[geom])
-    what = kind.name.removeprefix("mjGEOM_").lower()
-    raise InputError(
-        f"geom {model.geom(geom).name!r} (number {geom}) is a {what}, which a pad cannot feel: make it of "
-        "primitives or meshes, or keep it from touching the pad's geom by contype and conaffinity"
-    )
-
-
-def _hull(model: mujoco.MjModel, mesh: int) -> Facets:
-    """Find the facets of a mesh's convex hull, which MuJoCo collides with in its place."""
-    from scipy.spatial import ConvexHull
-
-    first = model.mesh_vertadr[mesh]
-    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(float) * _MM
-    hull = ConvexHull(vertices)
-    corners = vertices[hull.simplices]
-    middles = corners.mean(axis=1)
-    radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
-    return Facets(np.ascontiguousarray(hull.equations[:, :3]), -hull.equations[:, 3], middles, radii)
+    rotations: Reals
+    positions: Reals
 
 
 class Cover(NamedTuple):
-    """What of a surface a body covers, seen from n cells of a lattice.
+    """What of a surface a body covers, in k covered parts of cells, at most one for each cell and geom.
 
-    gap: (n,) mm from the surface to the body along the normal, in the middle of the covered part of the cell;
-    below 0 where the two overlap, infinite where the line misses the body. share: (n,) of the cell that is
-    covered. shift: (2, n) in cells, from the cell's middle to the middle of the covered part along u and v, or
-    (2, 1) zeros. Of a body of several geoms there is one row for each covered part of a cell.
+    cell: (k,). gap: (k,) mm from the surface to the body along the normal, in the middle of the covered part; below 0
+    where the two overlap. share: (k,) of the cell that is covered. shift: (2, k) in cells, from the cell's middle to
+    the middle of the covered part along u and v.
     """
 
-    gap: FloatArray
-    share: FloatArray
-    shift: FloatArray
+    cell: Ints
+    gap: Reals
+    share: Reals
+    shift: Reals
 
 
-class Part(NamedTuple):
-    """One geom of a rigid body, and its frame in that of the lines: rotation (3, 3) and position (3,) mm."""
-
-    body: Body
-    rotation: FloatArray
-    position: FloatArray
+BODY = types.NamedTuple((INTS, REALS_2D, INTS, REALS_2D, REALS, REALS_2D), Body)
+POSE = types.NamedTuple((REALS_3D, REALS_2D), Pose)
+COVER = types.NamedTuple((INTS, REALS, REALS, REALS_2D), Cover)
 
 
-def union_gaps(
-    parts: list[Part], lines: Lines, steps: tuple[float, float], depth: float
-) -> tuple[NDArray[np.intp], Cover]:
+def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
+    """Describe geoms of a model.
+
+    Raises InputError, naming the geom, if one is a height field or a signed distance field.
+    """
+    kinds, faces = [], []
+    for geom in geoms:
+        kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom] * _MM
+        kinds.append(_KINDS.get(kind, _FACETED))
+        if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            faces.append(_everywhere(np.array([[0.0, 0.0, 1.0]]), np.zeros(1)))
+        elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+            faces.append(_everywhere(np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([size, size])))
+        elif kind == mujoco.mjtGeom.mjGEOM_MESH:
+            faces.append(_hull(model, model.geom_dataid[geom]))
+        elif kind in _KINDS:
+            faces.append(np.empty((0, 8)))
+        else:
+            what = kind.name.removeprefix("mjGEOM_").lower()
+            raise InputError(
+                f"geom {model.geom(geom).name!r} (number {geom}) is a {what}, which a pad cannot feel: make it of "
+                "primitives or meshes, or keep it from touching the pad's geom by contype and conaffinity"
+            )
+    size = model.geom_size[list(geoms)] * _MM
+    balls = model.geom_type[list(geoms)] == mujoco.mjtGeom.mjGEOM_SPHERE
+    size[balls] = size[balls, :1]
+    every = np.concatenate(faces)
+    return Body(
+        np.array(kinds),
+        size,
+        np.cumsum([0, *map(len, faces)]),
+        np.ascontiguousarray(every[:, :3]),
+        np.ascontiguousarray(every[:, 3]),
+        np.ascontiguousarray(every[:, 4:]),
+    )
+
+
+_KINDS = {
+    mujoco.mjtGeom.mjGEOM_SPHERE: _ROUND,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _ROUND,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: _CYLINDER,
+    mujoco.mjtGeom.mjGEOM_CAPSULE: _CAPSULE,
+}
+
+
+def _everywhere(normals: FloatArray, offsets: FloatArray) -> FloatArray:
+    """List the faces of a body that has few: normal, offset, and a ball without end, (f, 8)."""
+    return np.hstack(
+        [normals, offsets[:, None], np.zeros((len(normals), 3)), np.full((len(normals), 1), np.inf)]
+    )
+
+
+def _hull(model: mujoco.MjModel, mesh: int) -> FloatArray:
+    """Find the facets of a mesh's convex hull, which MuJoCo collides with in its place: as `_everywhere`."""
+    from scipy.spatial import ConvexHull
+
+    start = model.mesh_vertadr[mesh]
+    vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(float) * _MM
+    hull = ConvexHull(vertices)
+    _, first, face = np.unique(hull.equations.round(9), axis=0, return_index=True, return_inverse=True)
+    faces = []
+    for number, simplex in enumerate(first):  # a flat side is many triangles
+        corners = vertices[hull.simplices[face.ravel() == number]].reshape(-1, 3)
+        middle = corners.mean(axis=0)
+        normal, offset = hull.equations[simplex, :3], -hull.equations[simplex, 3]
+        faces.append([*normal, offset, *middle, np.sqrt(((corners - middle) ** 2).sum(axis=1).max())])
+    return np.array(faces)
+
+
+Vector = tuple[float, float, float]
+_VECTOR = types.UniTuple(float64, 3)
+
+
+@compiled(_VECTOR(REALS_3D, int64, _VECTOR), called_from_python=False)
+def turned(rotations: Reals, geom: int, vector: Vector) -> Vector:
+    """Turn a vector of the pad's frame into that of a geom."""
+    x, y, z = vector
+    turn = rotations[geom]
+    return (
+        x * turn[0, 0] + y * turn[1, 0] + z * turn[2, 0],
+        x * turn[0, 1] + y * turn[1, 1] + z * turn[2, 1],
+        x * turn[0, 2] + y * turn[1, 2] + z * turn[2, 2],
+    )
+
+
+@compiled(float64(_VECTOR, _VECTOR, _VECTOR), called_from_python=False)
+def round_entry(point: Vector, way: Vector, half: Vector) -> float:
+    """Find where a line, from a point along a way, enters an ellipsoid with half-axes: infinite where it misses it."""
+    x, y, z = point[0] / half[0], point[1] / half[1], point[2] / half[2]
+    to_x, to_y, to_z = way[0] / half[0], way[1] / half[1], way[2] / half[2]
+    a, b = to_x * to_x + to_y * to_y + to_z * to_z, x * to_x + y * to_y + z * to_z
+    inside = b * b - a * (x * x + y * y + z * z - 1)
+    return (-b - math.sqrt(inside)) / a if inside >= 0 else np.inf
+
+
+@compiled(float64(_VECTOR, _VECTOR, float64), called_from_python=False)
+def side_entry(point: Vector, way: Vector, radius: float) -> float:
+    """Find where a line enters an endless cylinder along z: infinite where it misses it."""
+    a = max(way[0] * way[0] + way[1] * way[1], SMALL)
+    b = point[0] * way[0] + point[1] * way[1]
+    inside = b * b - a * (point[0] * point[0] + point[1] * point[1] - radius * radius)
+    return (-b - math.sqrt(inside)) / a if inside >= 0 else np.inf
+
+
+@compiled(float64(_VECTOR, _VECTOR, float64, float64), called_from_python=False)
+def capsule_entry(point: Vector, way: Vector, radius: float, half: float) -> float:
+    """Find where a line enters a capsule along z: infinite where it misses it."""
+    x, y, z = point
+    entry, ball = side_entry(point, way, radius), (radius, radius, radius)
+    if not abs(z + entry * way[2]) <= half:
+        entry = np.inf
+    return min(entry, round_entry((x, y, z - half), way, ball), round_entry((x, y, z + half), way, ball))
+
+
+@compiled(types.UniTuple(_VECTOR, 2)(LINES, int64, int64, POSE), called_from_python=False)
+def seen(lines: Lines, i: int, geom: int, pose: Pose) -> tuple[Vector, Vector]:
+    """Give a line's point and normal in the frame of a geom."""
+    own, place = i if len(lines.normals) > 1 else 0, pose.positions[geom]
+    x, y, z = lines.points[i, 0] - place[0], lines.points[i, 1] - place[1], lines.points[i, 2] - place[2]
+    way = (lines.normals[own, 0], lines.normals[own, 1], lines.normals[own, 2])
+    return turned(pose.rotations, geom, (x, y, z)), turned(pose.rotations, geom, way)
+
+
+@compiled(types.Tuple((REALS_2D, REALS))(BODY, int64, POSE, REALS_2D), called_from_python=False)
+def near(body: Body, geom: int, pose: Pose, points: Reals) -> tuple[Reals, Reals]:
+    """Put the faces of a geom before the pad: normals (3, f) and offsets (f,) mm in its frame.
+
+    Faces that are further from points (n, 3) mm than the geom is, by more than the points' spread, are left out. Those
+    that are left rise above the points in all directions by that spread, far more than a layer gives way.
+    """
+    first, last = body.first[geom], body.first[geom + 1]
+    middle, spread = np.zeros(3), 0.0
+    for i in range(len(points)):
+        for k in range(3):
+            middle[k] += points[i, k] / len(points)
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
+        spread = max(spread, x * x + y * y + z * z)
+    middle -= pose.positions[geom]
+    x, y, z = turned(pose.rotations, geom, (middle[0], middle[1], middle[2]))
+    away = np.empty(last - first)
+    for face in range(first, last):
+        apart = (
+            (body.balls[face, 0] - x) ** 2 + (body.balls[face, 1] - y) ** 2 + (body.balls[face, 2] - z) ** 2
+        )
+        away[face - first] = math.sqrt(apart) - body.balls[face, 3]
+    limit = max(away.min(), 0.0) + 1.5 * math.sqrt(spread)
+    count = int(np.count_nonzero(away <= limit))
+    normals, offsets = np.zeros((3, count)), np.empty(count)
+    count = 0
+    for face in range(first, last):
+        if away[face - first] <= limit:
+            offsets[count] = body.offsets[face]
+            for k in range(3):
+                for j in range(3):
+                    normals[k, count] += body.normals[face, j] * pose.rotations[geom, k, j]
+                offsets[count] += normals[k, count] * pose.positions[geom, k]
+            count += 1
+    return normals, offsets
+
+
+@compiled(void(BODY, int64, POSE, LINES, REALS, REALS, REALS_2D))
+def measure(body: Body, geom: int, pose: Pose, lines: Lines, gap: Reals, share: Reals, shift: Reals) -> None:
+    """Measure from each of n points of a surface along its normal to where a geom begins.
+
+    Fills gap (n,) mm, infinite where the line misses the geom, and share (n,) and shift (2, n) as in `Cover`.
+    """
+    kind = body.kind[geom]
+    if kind == _FACETED:
+        normals, offsets = near(body, geom, pose, lines.points)
+        enter(normals, offsets, lines, np.empty(0), gap, share, shift)
+        return
+    half = (body.size[geom, 0], body.size[geom, 1], body.size[geom, 2])
+    own, upright = len(lines.normals) > 1, True
+    share[:] = 1.0
+    shift[:] = 0.0
+    for i in range(len(gap)):
+        point, way = seen(lines, i, geom, pose)
+        if kind == _ROUND:
+            gap[i] = round_entry(point, way, half)
+        elif kind == _CAPSULE:
+            gap[i] = capsule_entry(point, way, half[0], half[1])
+        elif math.hypot(way[0], way[1]) < STEEP:  # the cylinder's side is a wall
+            gap[i] = -np.inf
+        else:
+            gap[i], upright = side_entry(point, way, half[0]), False
+    if kind != _CYLINDER:
+        return
+    # Of a cylinder the flat ends are entered as faces, and its side bounds them.
+    normals, offsets = np.empty((3, 2)), np.full(2, half[1])
+    for k in range(3):
+        normals[k, 0], normals[k, 1] = pose.rotations[geom, k, 2], -pose.rotations[geom, k, 2]
+        offsets += normals[k] * pose.positions[geom, k]
+    enter(normals, offsets, lines, np.empty(0) if upright else gap.copy(), gap, share, shift)
+    if not upright:
+        return
+    for i in range(len(gap)):
+        point, way = seen(lines, i, geom, pose)
+        line = i if own else 0
+        along_u = turned(
+            pose.rotations, geom, (lines.span_u[line, 0], lines.span_u[line, 1], lines.span_u[line, 2])
+        )
+        along_v = turned(
+            pose.rotations, geom, (lines.span_v[line, 0], lines.span_v[line, 1], lines.span_v[line, 2])
+        )
+        # The rim is a wall that turns with the point: its part along each side of a cell.
+        x, y = point[0] + gap[i] * way[0], point[1] + gap[i] * way[1]
+        distance = max(math.hypot(x, y), SMALL)
+        share[i], shift[0, i], shift[1, i] = cut(
+            distance - half[0],
+            (along_u[0] * x + along_u[1] * y) / distance,
+            (along_v[0] * x + along_v[1] * y) / distance,
+        )
+
+
+@compiled(COVER(BODY, POSE, LINES, float64), called_from_python=False)
+def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
     """Measure from a surface to a body of several geoms, which may overlap: to the nearest of them at each point.
 
-    depth: mm below the surface, where nothing begins. Returns the k covered parts of cells, at most one for each cell
-    and geom, and the cell of each, (k,). Not more than the whole of a cell is covered. `steps` as in `gaps`.
+    depth: mm below the surface, where nothing begins. Not more than the whole of a cell is covered.
     """
-    covers = [gaps(*part, lines, steps) for part in parts]
-    if len(parts) == 1:  # the same, sooner
-        gap, share, shift = covers[0]
-        cell = np.flatnonzero((share > 0) & (gap > -depth) & (gap < np.inf))
-        return cell, Cover(gap[cell], share[cell], shift[:, cell] if shift.shape[1] > 1 else shift)
-    cells = len(covers[0].gap)
-    gap, share = np.array([cover.gap for cover in covers]), np.array([cover.share for cover in covers])
-    shift = np.array([np.broadcast_to(cover.shift, (2, cells)) for cover in covers])
-    share[(gap <= -depth) | (gap == np.inf)] = 0
-    if len(parts) > 1:
+    geoms, cells = len(body.kind), len(lines.points)
+    gap, share, shift = np.empty((geoms, cells)), np.empty((geoms, cells)), np.empty((geoms, 2, cells))
+    for geom in range(geoms):
+        measure(body, geom, pose, lines, gap[geom], share[geom], shift[geom])
+        for cell in range(cells):
+            if not -depth < gap[geom, cell] < np.inf:
+                share[geom, cell] = 0.0
+    if geoms > 1:
         unite(gap, share, shift)
-    some = share > 0
-    cell = np.nonzero(some)[1]
-    return cell, Cover(gap[some], share[some], shift.transpose(1, 0, 2)[:, some])
-
-
-def gaps(
-    body: Body, rotation: FloatArray, position: FloatArray, lines: Lines, steps: tuple[float, float]
-) -> Cover:
-    """Measure from each point of a surface along its normal to where a body begins.
-
-    rotation (3, 3), position (3,) mm: the body's frame in that of the lines. steps: mm in u and v from
-    line to line of the lattice.
-    """
-    points, normals = (lines.points - position) @ rotation, lines.normals @ rotation
-    if isinstance(body, Round):
-        return _whole(_round_entry(points / body.half, normals / body.half))
-    if isinstance(body, Capsule):
-        ends = [np.array([0, 0, sign * body.half]) for sign in (-1.0, 1.0)]
-        entries = [_round_entry((points - end) / body.radius, normals / body.radius) for end in ends]
-        side = _side_entry(points, normals, body.radius)
-        height = points[:, 2] + np.where(np.isfinite(side), side, 0) * normals[:, 2]
-        side = np.where(np.abs(height) <= body.half, side, np.inf)
-        return _whole(np.minimum(np.minimum(*entries), side))
-    spans = np.stack([lines.along_u @ rotation * steps[0], lines.along_v @ rotation * steps[1]])
-    if isinstance(body, Cylinder):
-        return _cylinder(body, points, normals, spans)
-    return _faceted(body.near(points), points, normals, spans)
-
-
-def _whole(gap: FloatArray) -> Cover:
-    return Cover(gap, np.ones(len(gap)), np.zeros((2, 1)))
-
-
-def _round_entry(points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Find where lines enter the unit sphere: (n,), infinite where they miss it."""
-    a, b = np.einsum("ij,ij->i", normals, normals), np.einsum("ij,ij->i", points, normals)
-    inside = b * b - a * (np.einsum("ij,ij->i", points, points) - 1)
-    return np.where(inside >= 0, (-b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
-
-
-def _side_entry(points: FloatArray, normals: FloatArray, radius: float) -> FloatArray:
-    """Find where lines enter an endless cylinder along z: (n,), infinite where they miss it."""
-    a = np.maximum(normals[:, 0] ** 2 + normals[:, 1] ** 2, SMALL)
-    b = points[:, 0] * normals[:, 0] + points[:, 1] * normals[:, 1]
-    inside = b * b - a * (points[:, 0] ** 2 + points[:, 1] ** 2 - radius**2)
-    return np.where(inside >= 0, (-b - np.sqrt(np.maximum(inside, 0))) / a, np.inf)
-
-
-def _cylinder(body: Cylinder, points: FloatArray, normals: FloatArray, spans: FloatArray) -> Cover:
-    caps = Facets(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]), np.full(2, body.half))
-    upright = np.hypot(normals[:, 0], normals[:, 1]) < STEEP  # then the side is a wall
-    if not upright.all():
-        side = np.where(upright, -np.inf, _side_entry(points, normals, body.radius))
-        return _faceted(caps, points, normals, spans, before=side)
-    gap = _faceted(caps, points, normals, spans).gap
-    entry = points + gap[:, None] * normals
-    distance = np.maximum(np.hypot(entry[:, 0], entry[:, 1]), SMALL)
-    # The rim is a wall that turns with the point: its part along each side of a cell.
-    across = np.einsum("kij,ij->ki", spans[..., :2], entry[:, :2]) / distance
-    share, shift = np.empty_like(gap), np.empty_like(across)
-    cut_all(distance - body.radius, across, share, shift)
-    return Cover(gap, share, shift)
-
-
-def _faceted(
-    body: Facets, points: FloatArray, normals: FloatArray, spans: FloatArray, before: FloatArray | None = None
-) -> Cover:
-    """Enter a body of flat faces: the last face that a line passes inwards, within the walls.
-
-    before: (n,) mm, where the line enters what else bounds the body.
-    """
-    cells = len(points)
-    gap, share, shift = np.empty(cells), np.empty(cells), np.empty((2, cells))
-    before = np.empty(0) if before is None else before
-    cuts = enter(body.normals, body.offsets, points, normals, spans[0], spans[1], before, gap, share, shift)
-    return Cover(gap, share, shift if cuts else np.zeros((2, 1)))
+    count = 0
+    for geom in range(geoms):
+        for cell in range(cells):
+            count += share[geom, cell] > 0
+    met = Cover(np.empty(count, dtype=np.int64), np.empty(count), np.empty(count), np.empty((2, count)))
+    count = 0
+    for geom in range(geoms):
+        for cell in range(cells):
+            if share[geom, cell] > 0:
+                met.cell[count], met.gap[count], met.share[count] = cell, gap[geom, cell], share[geom, cell]
+                met.shift[0, count], met.shift[1, count] = shift[geom, 0, cell], shift[geom, 1, cell]
+                count += 1
+    return met

@@ -9,57 +9,106 @@ convex energy is least; Newton's method finds it.
 from __future__ import annotations
 
 import numpy as np
+from numba import float64
 
-from tactsim.core.poses import FloatArray
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 
 _MOST_STEPS = 60
 _TOLERANCE = 1e-9  # of the load
+_SHORTEST = 1e-6  # of a step of Newton's
 # A turn's own stiffness over that of a layer that touches everywhere. It is felt only where the load stands on the
 # very rim of what touches, which no finite turn balances.
 _HOLD = 1e-6
+_SMALL = 1e-300
 
 
-def balance(gap: FloatArray, weight: FloatArray, basis: FloatArray, force: float) -> FloatArray:
+@compiled(float64(REALS, REALS, REALS_2D, float64, REALS), called_from_python=False)
+def energy(gap: Reals, weight: Reals, basis: Reals, force: float, motion: Reals) -> float:
+    """Add up the layer's energy after a motion, with that of the load and of what holds turns, N mm."""
+    layer, hold = 0.0, _HOLD * weight.sum()
+    for i in range(len(gap)):
+        depth = -gap[i]
+        for j in range(len(motion)):
+            depth += motion[j] * basis[j, i]
+        if depth > 0:
+            layer += weight[i] * depth * depth / 2
+    return layer + hold * (motion[1:] ** 2).sum() / 2 - force * motion[0]
+
+
+@compiled(REALS(REALS_2D, REALS), called_from_python=False)
+def solve(matrix: Reals, right: Reals) -> Reals:
+    """Solve a few equations by elimination. matrix: positive definite; only what is below its diagonal is looked at."""
+    left, solved = matrix.copy(), right.copy()
+    for i in range(len(right)):
+        left[i, i:] = matrix[i:, i]
+    for i in range(len(right)):
+        pivot = max(left[i, i], _SMALL)
+        for j in range(i + 1, len(right)):
+            share = left[j, i] / pivot
+            left[j] -= share * left[i]
+            solved[j] -= share * solved[i]
+    for i in range(len(right) - 1, -1, -1):
+        solved[i] = (solved[i] - (left[i, i + 1 :] * solved[i + 1 :]).sum()) / max(left[i, i], _SMALL)
+    return solved
+
+
+@compiled(float64(REALS, REALS, REALS, float64), called_from_python=False)
+def approach(gap: Reals, weight: Reals, facing: Reals, force: float) -> float:
+    """Find how far a body sinks in without a turn, mm: exact, by steps from above, as the force is convex."""
+    touches = np.ones(len(gap), dtype=np.bool_)
+    touching = len(gap) + 1
+    while True:
+        stiffness, load = 0.0, force
+        for i in range(len(gap)):
+            if touches[i]:
+                stiffness += weight[i] * facing[i] * facing[i]
+                load += weight[i] * facing[i] * gap[i]
+        depth, still = load / stiffness, 0
+        for i in range(len(gap)):
+            touches[i] = touches[i] and depth * facing[i] > gap[i]
+            still += touches[i]
+        if still == touching:
+            return depth
+        touching = still
+
+
+@compiled(REALS(REALS, REALS, REALS_2D, float64), called_from_python=False)
+def balance(gap: Reals, weight: Reals, basis: Reals, force: float) -> Reals:
     """Find the motion (m,) after which the layer carries a force, N.
 
     gap: (n,) mm between surface and body. weight: (n,) N/mm, stiffness times area of each point. basis: (m, n),
     what each motion adds to the depth: the first is the approach and above 0, the others turn the body about
     the point in which the force acts. The depth is then motion @ basis - gap, or 0 where that is less.
     """
-    approach = _approach(gap, weight, basis[0], force)
-    if len(basis) == 1:
-        return np.array([approach])
-    motion, load, hold = np.zeros((3, len(basis)))
-    motion[0], load[0] = approach, force
+    motions, points = basis.shape
+    motion = np.zeros(motions)
+    motion[0] = approach(gap, weight, basis[0], force)
+    if motions == 1:
+        return motion
+    hold, slope, stiffness = np.zeros(motions), np.empty(motions), np.empty((motions, motions))
     hold[1:] = _HOLD * weight.sum()
-
-    def energy(motion: FloatArray) -> float:
-        depth = np.maximum(motion @ basis - gap, 0)
-        return float(weight @ depth**2 / 2 + hold @ motion**2 / 2 - load @ motion)
-
-    now = energy(motion)
+    now = energy(gap, weight, basis, force, motion)
     for _ in range(_MOST_STEPS):
-        depth = motion @ basis - gap
-        active = weight * (depth > 0)
-        slope = basis @ (active * depth) + hold * motion - load
+        slope[:] = hold * motion
+        slope[0] -= force
+        stiffness[:] = np.diag(hold)
+        for i in range(points):
+            depth = -gap[i]
+            for j in range(motions):
+                depth += motion[j] * basis[j, i]
+            if depth > 0:
+                for j in range(motions):
+                    push = weight[i] * basis[j, i]
+                    slope[j] += push * depth
+                    for k in range(j + 1):
+                        stiffness[j, k] += push * basis[k, i]
         if np.abs(slope).max() <= _TOLERANCE * force:
             break
-        step = np.linalg.solve((basis * active) @ basis.T + np.diag(hold), -slope)
-        length = 1.0
-        while length > 1e-6 and (then := energy(motion + length * step)) > now + 1e-4 * length * (
-            slope @ step
-        ):
+        step = -solve(stiffness, slope)
+        length, falls = 1.0, (slope * step).sum()
+        then = energy(gap, weight, basis, force, motion + step)
+        while length > _SHORTEST and then > now + 1e-4 * length * falls:
             length /= 2
+            then = energy(gap, weight, basis, force, motion + length * step)
         motion, now = motion + length * step, then
     return motion
-
-
-def _approach(gap: FloatArray, weight: FloatArray, basis: FloatArray, force: float) -> float:
-    """Find how far a body sinks in without a turn, mm: exact, by steps from above, as the force is convex."""
-    active, touching = weight * basis, len(gap) + 1
-    while True:
-        approach = float((force + active @ gap) / (active @ basis))
-        active = np.where(approach * basis > gap, active, 0)
-        if (still := int(np.count_nonzero(active))) == touching:
-            return approach
-        touching = still

@@ -3,11 +3,42 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64, types, void
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.press.pad_surface import LINES, Lines
+
+
+class Carried(NamedTuple):
+    """What a layer carries on a lattice of cells.
+
+    forces: (rows, columns) N along the load, evenly on the covered part of each cell. shift: (2, cells) or (2, 1), in
+    cells along u and v from the cell's middle to that of the covered part. u: (columns + 1,), v: (rows + 1,) mm, edges.
+    """
+
+    forces: Reals
+    shift: Reals
+    u: Reals
+    v: Reals
+
+
+class Taxels(NamedTuple):
+    """Where a pad's taxels are, mm: the edges of its columns and rows, (n, 2), and of all of it along u and v, (2, 2).
+
+    sigma: mm, of the point spread, 0 for none.
+    """
+
+    columns: Reals
+    rows: Reals
+    bounds: Reals
+    sigma: float
+
+
+CARRIED = types.NamedTuple((REALS_2D, REALS_2D, REALS, REALS), Carried)
+TAXELS = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, float64), Taxels)
 
 STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
 SMALL = 1e-12
@@ -49,13 +80,6 @@ def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float,
         np.sign(across_u) * (integral / a - turn_u / area) / least,
         np.sign(across_v) * (integral / b - turn_v / area) / least,
     )
-
-
-@compiled(void(REALS, REALS_2D, REALS, REALS_2D))
-def cut_all(outside: Reals, across: Reals, share: Reals, shift: Reals) -> None:
-    """Cut n cells, each by its own wall: as `cut`, of (n,) and (2, n). Fills share (n,) and shift (2, n)."""
-    for i in range(len(outside)):
-        share[i], shift[0, i], shift[1, i] = cut(outside[i], across[0, i], across[1, i])
 
 
 @compiled(
@@ -119,46 +143,51 @@ def unite(gap: Reals, share: Reals, shift: Reals) -> None:
 
 
 @compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)
-def dot(left: Reals, row: int, right: Reals, other: int) -> float:
-    """Multiply a row of left (n, 3) with one of right (m, 3)."""
-    return left[row, 0] * right[other, 0] + left[row, 1] * right[other, 1] + left[row, 2] * right[other, 2]
+def along(normals: Reals, face: int, vectors: Reals, i: int) -> float:
+    """Multiply a normal of (3, f) with a vector of (n, 3)."""
+    return (
+        normals[0, face] * vectors[i, 0] + normals[1, face] * vectors[i, 1] + normals[2, face] * vectors[i, 2]
+    )
 
 
-@compiled(int64(REALS_2D, REALS, REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS, REALS, REALS, REALS_2D))
+@compiled(float64(REALS_2D, int64, int64), called_from_python=False)
+def between(normals: Reals, face: int, other: int) -> float:
+    """Give the cosine of the angle between two of f normals (3, f)."""
+    x, y, z = normals[0, other], normals[1, other], normals[2, other]
+    return normals[0, face] * x + normals[1, face] * y + normals[2, face] * z
+
+
+@compiled(void(REALS_2D, REALS, LINES, REALS, REALS, REALS, REALS_2D), called_from_python=False)
 def enter(
-    normals: Reals, offsets: Reals, points: Reals, lines: Reals, along_u: Reals, along_v: Reals, before: Reals,
-    gap: Reals, share: Reals, shift: Reals,
-) -> int:  # fmt: skip
+    normals: Reals, offsets: Reals, lines: Lines, before: Reals, gap: Reals, share: Reals, shift: Reals
+) -> None:
     """Find where lines enter a body of flat faces: at the last face that they pass inwards, within the walls.
 
-    normals (f, 3), offsets (f,) mm: the faces. points: (n, 3) mm, the middles of cells. lines: (n, 3), or (1, 3) for
-    a flat surface, the directions of the lines. along_u, along_v: as many, mm, the sides of a cell.
-    before: (n,) mm where the line enters what else bounds the body, or (0,).
-    Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`. Returns how many cells are cut.
+    normals (3, f), offsets (f,) mm: the faces. before: (n,) mm where the line enters what else bounds the body, or
+    (0,). Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`.
     """
-    faces, own, bounded = len(offsets), len(lines) > 1, len(before) > 0
-    rate, steep = np.empty(faces), np.empty(faces)
+    points, ways, span_u, span_v = lines.points, lines.normals, lines.span_u, lines.span_v
+    faces, own, bounded = len(offsets), len(ways) > 1, len(before) > 0
+    rate, height = np.empty(faces), np.empty(faces)
     lowest, highest = np.full(faces, np.inf), np.full(faces, -np.inf)
-    for line in range(len(lines)):
+    for line in range(len(ways)):
         for face in range(faces):
-            rate[face] = dot(normals, face, lines, line)
+            rate[face] = along(normals, face, ways, line)
             lowest[face] = min(lowest[face], rate[face])
             highest[face] = max(highest[face], rate[face])
     limit = -STEEP if bounded or lowest.min() < -STEEP else -SMALL
     wall = (highest >= limit) & (lowest < 1 - SMALL)
-    cuts = 0
     for i in range(len(points)):
         line = i if own else 0
-        if own or i == 0:
+        if own:
             for face in range(faces):
-                rate[face] = dot(normals, face, lines, line)
-                steep[face] = math.sqrt(max(1 - rate[face] ** 2, SMALL))
+                rate[face] = along(normals, face, ways, i)
+        for face in range(faces):
+            height[face] = along(normals, face, points, i) - offsets[face]
         last, entry = -1, -np.inf
         for face in range(faces):
-            if rate[face] < limit:
-                here = (offsets[face] - dot(normals, face, points, i)) / rate[face]
-                if here > entry:
-                    last, entry = face, here
+            if rate[face] < limit and height[face] > -entry * rate[face]:
+                last, entry = face, -height[face] / rate[face]
         gap[i] = max(entry, before[i]) if bounded else entry
         share[i], shift[0, i], shift[1, i] = 1.0, 0.0, 0.0
         if not np.isfinite(gap[i]):
@@ -166,42 +195,42 @@ def enter(
         worst, most = -1, -np.inf
         for face in range(faces):
             if wall[face] and rate[face] >= limit:
-                outside = gap[i] * rate[face] - offsets[face] + dot(normals, face, points, i)
-                if outside > most * steep[face]:
-                    worst, most = face, outside / steep[face]
+                outside = gap[i] * rate[face] + height[face]
+                steep = math.sqrt(max(1 - rate[face] * rate[face], SMALL))
+                if outside > most * steep:
+                    worst, most = face, outside / steep
         if worst < 0:
             continue
+        steep = math.sqrt(max(1 - rate[worst] * rate[worst], SMALL))
         share[i], shift[0, i], shift[1, i] = cut(
-            most,
-            dot(normals, worst, along_u, line) / steep[worst],
-            dot(normals, worst, along_v, line) / steep[worst],
+            most, along(normals, worst, span_u, line) / steep, along(normals, worst, span_v, line) / steep
         )
         if not 0 < share[i] < 1:
             continue
-        cuts += 1
         # A second wall, across the first one (a corner) or behind it (a blade).
         second, most = -1, -np.inf
         for face in range(faces):
-            if wall[face] and rate[face] >= limit and dot(normals, worst, normals, face) < _ALIKE:
-                outside = gap[i] * rate[face] - offsets[face] + dot(normals, face, points, i)
-                if outside > most * steep[face]:
-                    second, most = face, outside / steep[face]
+            if wall[face] and rate[face] >= limit and between(normals, worst, face) < _ALIKE:
+                outside = gap[i] * rate[face] + height[face]
+                steep = math.sqrt(max(1 - rate[face] * rate[face], SMALL))
+                if outside > most * steep:
+                    second, most = face, outside / steep
         if second >= 0:
+            steep = math.sqrt(max(1 - rate[second] * rate[second], SMALL))
             further, moved_u, moved_v = cut(
                 most,
-                dot(normals, second, along_u, line) / steep[second],
-                dot(normals, second, along_v, line) / steep[second],
+                along(normals, second, span_u, line) / steep,
+                along(normals, second, span_v, line) / steep,
             )
-            if dot(normals, worst, normals, second) < -_ALIKE:
+            if between(normals, worst, second) < -_ALIKE:
                 share[i] = max(share[i] + further - 1, 0.0)
             else:
                 share[i] *= further
             shift[0, i] += moved_u
             shift[1, i] += moved_v
         if not bounded:  # the gap in the middle of the covered part
-            slope_u, slope_v = dot(normals, last, along_u, line), dot(normals, last, along_v, line)
+            slope_u, slope_v = along(normals, last, span_u, line), along(normals, last, span_v, line)
             gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / rate[last]
-    return cuts
 
 
 @compiled(float64(float64, float64), called_from_python=False)
@@ -262,21 +291,15 @@ def feel(
     return (min(max(high, bounds[0]), bounds[1]) - min(max(low, bounds[0]), bounds[1])) / (high - low)
 
 
-@compiled(
-    float64(REALS_2D, REALS_2D, REALS, REALS, REALS, REALS, REALS_2D, REALS_2D, float64, REALS_2D),
-)
-def spread_forces(
-    forces: Reals, shift: Reals, u: Reals, v: Reals, bounds_u: Reals, bounds_v: Reals, columns: Reals, rows: Reals,
-    sigma: float, image: Reals,
-) -> float:  # fmt: skip
-    """Spread the forces on a lattice of cells over the taxels.
+@compiled(float64(CARRIED, TAXELS, REALS_2D))
+def spread_forces(carried: Carried, taxels: Taxels, image: Reals) -> float:
+    """Spread the forces on a lattice of cells over the taxels; what lies beyond the pad is not felt.
 
-    forces: (cells along v, cells along u) N, evenly on the covered part of each cell. shift: (2, cells) or (2, 1), in
-    cells, from the cell's middle to that of the covered part along u and v. u, v: mm, the edges of the cells. bounds_u,
-    bounds_v: (2,) mm, of the pad; what lies beyond is not felt. columns, rows: (taxels, 2) mm, the edges of the
-    taxels. sigma: mm, of the point spread, 0 for none.
     Adds N to image (rows, columns) and returns the force on the pad, N.
     """
+    forces, shift, u, v = carried.forces, carried.shift, carried.u, carried.v
+    columns, rows, sigma = taxels.columns, taxels.rows, taxels.sigma
+    bounds_u, bounds_v = taxels.bounds[0], taxels.bounds[1]
     across, up, some = len(u) - 1, len(v) - 1, shift.shape[1] > 1
     reached_u, reached_v = np.empty((len(u), len(columns))), np.empty((len(v), len(rows)))
     for edge in range(len(u)):

@@ -14,15 +14,15 @@ import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Part, body_of, gaps
-from tactsim.press.pad_surface import Lines, PadSurface, pad_axes
+from tactsim.press.geom_gap import Body, Pose, body_of, measure
+from tactsim.press.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes
 
 _MM = 1e3  # mm in a metre
 _SEEN = 200  # points along each axis of the grid that finds the body's outline
 _FINE = 400, 1000  # and of that of its heights, at most: of one mesh, and of several geoms
 _STEP = 0.02  # mm between the latter's points, at least
 _STEEPEST = 3.0  # mm of height for a mm along the pad; what is steeper carries no pad
-_NO_WIDTH = 1e-6, 1e-6  # mm of a cell that no wall cuts
+_NO_WIDTH = 1e-6 * np.eye(3)[:2]  # mm along x and y, of a cell that no wall cuts
 _UP, _DOWN = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]])
 
 
@@ -36,17 +36,14 @@ def relief_surface(
     Raises InputError, naming the pad's place, if nothing is seen there.
     """
     axes = pad_axes(normal)
-    parts = [
-        Part(
-            body_of(model, geom), axes.T @ _matrix(model.geom_quat[geom]), axes.T @ model.geom_pos[geom] * _MM
-        )
-        for geom in geoms
-    ]
-    middles, radii = np.array([part.position for part in parts]), model.geom_rbound[list(geoms)] * _MM
+    listed = list(geoms)
+    rotations = np.array([axes.T @ _matrix(model.geom_quat[geom]) for geom in listed])
+    middles, radii = model.geom_pos[listed] @ axes * _MM, model.geom_rbound[listed] * _MM
+    body, pose = body_of(model, listed), Pose(rotations, middles)
     far = float((np.abs(middles[:, 2]) + radii).max()) + 1
     low, high = (middles[:, :2] - radii[:, None]).min(axis=0), (middles[:, :2] + radii[:, None]).max(axis=0)
     x, y = (np.linspace(low[axis], high[axis], _SEEN) for axis in (0, 1))
-    rows, columns = np.nonzero(np.isfinite(_seen(parts, x, y, far)[0]))
+    rows, columns = np.nonzero(np.isfinite(_seen(body, pose, x, y, far)[0]))
     if not len(rows):
         raise InputError(f"{name} has no face that looks along normal={tuple(np.round(normal, 3).tolist())}")
     apart = (high - low) / (_SEEN - 1)
@@ -54,7 +51,7 @@ def relief_surface(
     high = np.array([x[columns.max()], y[rows.max()]]) + apart
     count = np.clip(np.ceil((high - low) / _STEP), 2, _FINE[len(geoms) > 1]).astype(int)
     x, y = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
-    height, depth = _seen(parts, x, y, far)
+    height, depth = _seen(body, pose, x, y, far)
     steps = x[1] - x[0], y[1] - y[0]
     slope_y, slope_x = (_slopes(height, steps[1 - axis], axis) for axis in (0, 1))
     seen = np.isfinite(height) & (np.hypot(slope_x, slope_y) < _STEEPEST)
@@ -64,30 +61,12 @@ def relief_surface(
     middle = (low + high) / 2 + at
     column, row = np.abs(x - middle[0]).argmin(), np.abs(y - middle[1]).argmin()
     top = height[row, column] if seen[row, column] else height[seen].max()
-    flat = np.where(seen, height - top, 0.0)
-    slope_x, slope_y = np.where(seen, slope_x, 0.0), np.where(seen, slope_y, 0.0)
-
-    def lines(u: FloatArray, v: FloatArray) -> Lines:
-        column = np.clip(np.rint((u + middle[0] - x[0]) / steps[0]).astype(int), 0, len(x) - 1)
-        row = np.clip(np.rint((v + middle[1] - y[0]) / steps[1]).astype(int), 0, len(y) - 1)
-        along_x, along_y = slope_x[row, column], slope_y[row, column]
-        z = flat[row, column] + along_x * (u + middle[0] - x[column]) + along_y * (v + middle[1] - y[row])
-        zero, one = np.zeros_like(u), np.ones_like(u)
-        area = np.sqrt(1 + along_x**2 + along_y**2)
-        return Lines(
-            np.stack([u, v, z], 1),
-            np.stack([-along_x, -along_y, one], 1) / area[:, None],
-            np.stack([one, zero, along_x], 1),
-            np.stack([zero, one, along_y], 1),
-            np.where(seen[row, column], area, 0.0),
-        )
-
+    relief = np.where(seen, [height - top, slope_x, slope_y, np.ones_like(height)], 0.0)
+    grid = np.array([x[0] - middle[0], y[0] - middle[1], *steps])
     first = _matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
-    return PadSurface(
-        first.T @ origin, first.T @ axes, low - middle, high - middle, depth, lines, lambda points: points[:, :2],
-        stepped=len(geoms) > 1,
-    )  # fmt: skip
+    face = Face(RELIEF, np.zeros(3), grid, relief, low - middle, high - middle, depth, len(listed) > 1)
+    return PadSurface(first.T @ origin, first.T @ axes, face)
 
 
 def _matrix(quat: FloatArray) -> FloatArray:
@@ -96,19 +75,20 @@ def _matrix(quat: FloatArray) -> FloatArray:
     return matrix.reshape(3, 3)
 
 
-def _seen(parts: list[Part], x: FloatArray, y: FloatArray, far: float) -> tuple[FloatArray, float]:
+def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> tuple[FloatArray, float]:
     """Look at a body from `far` mm above on a grid: z of what is seen (rows, columns), -inf for nothing.
 
     Returns also how thick the body is from the highest point to the lowest, mm.
     """
     at_x, at_y = (each.ravel() for each in np.meshgrid(x, y))
     top, lowest = np.full(at_x.size, -np.inf), np.inf
-    for part in parts:
+    gap, share, shift = np.empty(at_x.size), np.empty(at_x.size), np.empty((2, at_x.size))
+    for geom in range(len(body.kind)):
         ends = []
         for side, way in ((far, _DOWN), (-far, _UP)):
             points = np.stack([at_x, at_y, np.full(at_x.size, side)], 1)
-            lines = Lines(points, way, np.eye(3)[:1], np.eye(3)[1:2], np.ones(1))
-            gap, share, _ = gaps(part.body, part.rotation, part.position, lines, _NO_WIDTH)
+            lines = Lines(points, way, _NO_WIDTH[:1], _NO_WIDTH[1:], np.ones(1))
+            measure(body, geom, pose, lines, gap, share, shift)
             ends.append(side + way[0, 2] * np.where(share > 0.5, gap, np.inf))
         met = np.isfinite(ends[0]) & np.isfinite(ends[1]) & (ends[0] > ends[1])
         top = np.where(met, np.maximum(top, ends[0]), top)

@@ -7,13 +7,15 @@ the surface from the middle, as on a foil that is laid around it, except on an e
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numba import boolean, float64, int64, types
 
+from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
 
@@ -21,45 +23,98 @@ _MM = 1e3  # mm in a metre
 _ROUND = 1.5  # rad from the middle to which a pad may reach around a sphere's or a cylinder's surface
 _FLATTENED = 0.67  # share of an ellipsoid's half-axes to which a pad may reach, corners within 0.95
 _PARALLEL = 1e-6
+_SMALL = 1e-12
+FLAT, AROUND, OVER, PROJECTED, RELIEF = range(5)
+
+
+class Face(NamedTuple):
+    """A surface as the compiled loops take it.
+
+    kind: FLAT, AROUND a cylinder along y, OVER a sphere, PROJECTED on an ellipsoid, or RELIEF. size: (3,) mm, the
+    radius first, or an ellipsoid's half-axes. grid: (4,) mm, where a relief's grid begins along x and y and how far its
+    points are apart. relief: (4, rows, columns), heights mm, slopes along x and y, and 1 where there is a surface.
+    low, high: (2,) mm, where the face ends in (u, v). depth: mm of the geom below the face; no contact reaches
+    deeper. stepped: whether it may jump between geoms.
+    """
+
+    kind: int
+    size: Reals
+    grid: Reals
+    relief: Reals
+    low: Reals
+    high: Reals
+    depth: float
+    stepped: bool
+
+
+FACE = types.NamedTuple((int64, REALS, REALS, REALS_3D, REALS, REALS, float64, boolean), Face)
 
 
 class Lines(NamedTuple):
     """Points of a surface and the lines along its normals there, n of them, in the pad's frame.
 
-    points, normals: (n, 3) mm and unit vectors. along_u, along_v: (n, 3) mm a mm, the derivatives of the
-    points. area: (n,) mm^2 of surface for a mm^2 of (u, v). Of a flat surface all but the points have one row.
+    points, normals: (n, 3) mm and unit vectors. span_u, span_v: (n, 3) mm, the sides of a cell of the surface. area:
+    (n,) mm^2 of surface for a mm^2 of (u, v). Where all lines are parallel, normals and spans have one row.
     """
 
-    points: FloatArray
-    normals: FloatArray
-    along_u: FloatArray
-    along_v: FloatArray
-    area: FloatArray
+    points: Reals
+    normals: Reals
+    span_u: Reals
+    span_v: Reals
+    area: Reals
+
+
+LINES = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Lines)
 
 
 @dataclass(frozen=True, eq=False)
 class PadSurface:
     """The face of a geom that carries a pad.
 
-    origin: (3,) mm and axes: (3, 3), columns x, y, z, the pad's frame in the geom's. low, high: (2,) mm, where
-    the face ends in (u, v). depth: mm of the geom below the face; no contact reaches deeper.
-    lines: gives the points at u (n,) and v (n,) mm and the surface's normals there. place: gives (k, 2) mm, the
-    (u, v) of the surface below points (k, 3) mm of the pad's frame. stepped: whether it may jump between geoms.
+    origin: (3,) mm and axes: (3, 3), columns x, y, z, the pad's frame in the geom's.
     """
 
     origin: FloatArray
     axes: FloatArray
-    low: FloatArray
-    high: FloatArray
-    depth: float
-    lines: Callable[[FloatArray, FloatArray], Lines]
-    place: Callable[[FloatArray], FloatArray]
-    stepped: bool = False
+    face: Face
+
+    @property
+    def low(self) -> FloatArray:
+        """Where the face begins in (u, v): (2,) mm."""
+        return self.face.low
+
+    @property
+    def high(self) -> FloatArray:
+        """Where the face ends in (u, v): (2,) mm."""
+        return self.face.high
+
+    def lines(self, u: FloatArray, v: FloatArray) -> Lines:
+        """Lay lines along the normals at u and v, (n,) mm, with spans for cells of 1 x 1 mm."""
+        return lay_lines(self.face, u, v, 1.0, 1.0)
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Give the (u, v) of the surface below points (k, 3) mm of the pad's frame: (k, 2) mm."""
+        return place(self.face, np.ascontiguousarray(points))
 
     @property
     def curved(self) -> bool:
         """Whether the face is curved."""
-        return self.lines is not _flat
+        return self.face.kind != FLAT
+
+
+def _face(kind: int, size: FloatArray | float, low: FloatArray, high: FloatArray, depth: float) -> Face:
+    """Describe a face that is no relief."""
+    half = np.full(3, float(size)) if isinstance(size, float) else np.array(size, dtype=float)
+    return Face(
+        kind,
+        half,
+        np.zeros(4),
+        np.zeros((4, 1, 1)),
+        low.astype(float),
+        high.astype(float),
+        float(depth),
+        False,
+    )
 
 
 def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray, name: str) -> PadSurface:
@@ -77,15 +132,14 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
     if kind == geom.mjGEOM_PLANE:
         _require(along > 1 - _PARALLEL, name, "is a plane, whose pad looks along +z: give normal=(0, 0, 1)")
         half = np.where(size[:2] > 0, size[:2], np.inf)
-        return PadSurface(axes @ [*at, 0], axes, -half - at, half - at, np.inf, _flat, _across)
+        return PadSurface(axes @ [*at, 0], axes, _face(FLAT, 0.0, -half - at, half - at, np.inf))
     if kind == geom.mjGEOM_BOX:
         half = np.abs(axes).T @ size
         _require(
             np.abs(normal).max() > 1 - _PARALLEL, name, "is a box: its pad looks along an axis of the box"
         )
-        return PadSurface(
-            axes @ [*at, half[2]], axes, -half[:2] - at, half[:2] - at, 2 * half[2], _flat, _across
-        )
+        face = _face(FLAT, 0.0, -half[:2] - at, half[:2] - at, 2 * half[2])
+        return PadSurface(axes @ [*at, half[2]], axes, face)
     if kind in (geom.mjGEOM_CYLINDER, geom.mjGEOM_CAPSULE) and abs(along) < _PARALLEL:
         radius, half_length = size[:2]
         angle = at[0] / radius  # around the axis, from the middle
@@ -93,9 +147,8 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
         axes = axes @ turned
         edge = np.array([_ROUND * radius, half_length])
         middle = np.array([0, at[1]])
-        return PadSurface(
-            axes @ [0, at[1], radius], axes, -edge - middle, edge - middle, radius, *_cylinder(radius)
-        )
+        face = _face(AROUND, float(radius), -edge - middle, edge - middle, radius)
+        return PadSurface(axes @ [0, at[1], radius], axes, face)
     if kind == geom.mjGEOM_CYLINDER:
         raise InputError(
             f"geom {name!r} is a cylinder: its pad lies on its side, with a normal across its axis z"
@@ -104,14 +157,14 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
     if kind == geom.mjGEOM_SPHERE or (kind == geom.mjGEOM_CAPSULE and abs(along) > 1 - _PARALLEL):
         radius, beyond = size[0], size[1] if kind == geom.mjGEOM_CAPSULE else 0.0
         edge = np.full(2, _ROUND / np.sqrt(2) * radius)
-        return PadSurface(normal * (radius + beyond), axes, -edge, edge, radius, *_sphere(radius))
+        return PadSurface(normal * (radius + beyond), axes, _face(OVER, float(radius), -edge, edge, radius))
     if kind == geom.mjGEOM_ELLIPSOID:
         _require(
             np.abs(normal).max() > 1 - _PARALLEL, name, "is an ellipsoid: its pad looks along one of its axes"
         )
         half = np.abs(axes).T @ size
         edge = _FLATTENED * half[:2]
-        return PadSurface(normal * half[2], axes, -edge, edge, float(half.min()), _ellipsoid(half), _across)
+        return PadSurface(normal * half[2], axes, _face(PROJECTED, half, -edge, edge, half.min()))
     if kind == geom.mjGEOM_CAPSULE:
         raise InputError(f"geom {name!r} is a capsule: its pad's normal lies across its axis z or along it")
     what = geom(kind).name.removeprefix("mjGEOM_").lower()
@@ -135,83 +188,75 @@ def _require(holds: bool, name: str, message: str) -> None:
         raise InputError(f"geom {short(name)} {message}")
 
 
-_X, _Y, _Z = np.eye(3)[:, None]
+@compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)
+def dot(left: Reals, row: int, right: Reals, other: int) -> float:
+    """Multiply a row of left (n, 3) with one of right (m, 3)."""
+    return left[row, 0] * right[other, 0] + left[row, 1] * right[other, 1] + left[row, 2] * right[other, 2]
 
 
-def _flat(u: FloatArray, v: FloatArray) -> Lines:
-    return Lines(np.stack([u, v, np.zeros_like(u)], 1), _Z, _X, _Y, np.ones(1))
+@compiled(LINES(FACE, REALS, REALS, float64, float64))
+def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
+    """Lay n lines along the normals at u and v (n,) mm of a face, in the middles of cells of du x dv mm."""
+    count = 1 if face.kind == FLAT else len(u)
+    points, area = np.zeros((len(u), 3)), np.ones(len(u))
+    normals, span_u, span_v = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+    for i in range(len(u)):
+        if face.kind in (AROUND, OVER):
+            radius = face.size[0]
+            # Of a sphere true to length along each line through the pole, which is at x, y from the middle.
+            distance = max(math.hypot(u[i], v[i]), _SMALL) if face.kind == OVER else u[i]
+            x, y = (u[i] / distance, v[i] / distance) if face.kind == OVER else (1.0, 0.0)
+            angle = distance / radius
+            sine, cosine = math.sin(angle), math.cos(angle)
+            narrowed = (
+                sine / angle if face.kind == OVER else 1.0
+            )  # a circle about the pole over one in the plane
+            points[i, 0], points[i, 1], points[i, 2] = (
+                radius * sine * x,
+                radius * sine * y,
+                radius * (cosine - 1),
+            )
+            if face.kind == AROUND:
+                points[i, 1] = v[i]
+            normals[i, 0], normals[i, 1], normals[i, 2] = sine * x, sine * y, cosine
+            span_u[i, 0] = du * (cosine * x * x + narrowed * y * y)
+            span_u[i, 1], span_v[i, 0] = du * (cosine - narrowed) * x * y, dv * (cosine - narrowed) * x * y
+            span_v[i, 1] = dv * (cosine * y * y + narrowed * x * x)
+            span_u[i, 2], span_v[i, 2] = -du * sine * x, -dv * sine * y
+            area[i] = narrowed
+            continue
+        points[i, 0], points[i, 1] = u[i], v[i]
+        slope_u = slope_v = 0.0
+        if face.kind == PROJECTED:
+            a, b, c = face.size[0], face.size[1], face.size[2]
+            height = math.sqrt(1 - (u[i] / a) ** 2 - (v[i] / b) ** 2)
+            slope_u, slope_v = -c * u[i] / (a * a * height), -c * v[i] / (b * b * height)
+            points[i, 2] = c * (height - 1)
+        elif face.kind == RELIEF:
+            x, y, step_x, step_y = face.grid[0], face.grid[1], face.grid[2], face.grid[3]
+            column = min(max(int(np.rint((u[i] - x) / step_x)), 0), face.relief.shape[2] - 1)
+            row = min(max(int(np.rint((v[i] - y) / step_y)), 0), face.relief.shape[1] - 1)
+            slope_u, slope_v = face.relief[1, row, column], face.relief[2, row, column]
+            points[i, 2] = face.relief[0, row, column]
+            points[i, 2] += slope_u * (u[i] - x - column * step_x) + slope_v * (v[i] - y - row * step_y)
+            area[i] = face.relief[3, row, column]
+        if i < count:
+            slanted = math.sqrt(1 + slope_u * slope_u + slope_v * slope_v)
+            area[i] *= slanted
+            normals[i, 0], normals[i, 1], normals[i, 2] = -slope_u / slanted, -slope_v / slanted, 1 / slanted
+            span_u[i, 0], span_u[i, 2], span_v[i, 1], span_v[i, 2] = du, du * slope_u, dv, dv * slope_v
+    return Lines(points, normals, span_u, span_v, area)
 
 
-def _across(points: FloatArray) -> FloatArray:
-    return points[:, :2]
-
-
-def _cylinder(
-    radius: float,
-) -> tuple[Callable[[FloatArray, FloatArray], Lines], Callable[[FloatArray], FloatArray]]:
-    """Lay u around a cylinder along y."""
-
-    def lines(u: FloatArray, v: FloatArray) -> Lines:
-        sine, cosine, zero = np.sin(u / radius), np.cos(u / radius), np.zeros_like(u)
-        return Lines(
-            np.stack([radius * sine, v, radius * (cosine - 1)], 1),
-            np.stack([sine, zero, cosine], 1),
-            np.stack([cosine, zero, -sine], 1),
-            np.broadcast_to(_Y, (len(u), 3)),
-            np.ones(1),
-        )
-
-    def place(points: FloatArray) -> FloatArray:
-        x, y, z = points.T
-        return np.stack([radius * np.arctan2(x, z + radius), y], 1)
-
-    return lines, place
-
-
-def _sphere(
-    radius: float,
-) -> tuple[Callable[[FloatArray, FloatArray], Lines], Callable[[FloatArray], FloatArray]]:
-    """Lay (u, v) around a sphere from its pole, true to length along each line through the pole."""
-
-    def lines(u: FloatArray, v: FloatArray) -> Lines:
-        distance = np.maximum(np.hypot(u, v), 1e-12)
-        x, y, angle = u / distance, v / distance, distance / radius
-        sine, cosine = np.sin(angle), np.cos(angle)
-        narrowed = sine / angle  # a circle about the pole over one in the plane
-        normals = np.stack([sine * x, sine * y, cosine], 1)
-        outwards = np.stack([cosine * x, cosine * y, -sine], 1)
-        across = np.stack([-y * narrowed, x * narrowed, np.zeros_like(u)], 1)
-        return Lines(
-            radius * (normals - _Z),
-            normals,
-            outwards * x[:, None] - across * y[:, None],
-            outwards * y[:, None] + across * x[:, None],
-            narrowed,
-        )
-
-    def place(points: FloatArray) -> FloatArray:
-        x, y, z = points.T
-        away = np.hypot(x, y)
-        return points[:, :2] * (radius * np.arctan2(away, z + radius) / np.maximum(away, 1e-12))[:, None]
-
-    return lines, place
-
-
-def _ellipsoid(half: FloatArray) -> Callable[[FloatArray, FloatArray], Lines]:
-    """Lay (u, v) on an ellipsoid with half-axes (3,) mm as x and y."""
-    a, b, c = half
-
-    def lines(u: FloatArray, v: FloatArray) -> Lines:
-        height = np.sqrt(1 - (u / a) ** 2 - (v / b) ** 2)
-        slope_u, slope_v = -c * u / (a**2 * height), -c * v / (b**2 * height)
-        zero, one = np.zeros_like(u), np.ones_like(u)
-        area = np.sqrt(1 + slope_u**2 + slope_v**2)
-        return Lines(
-            np.stack([u, v, c * (height - 1)], 1),
-            np.stack([-slope_u, -slope_v, one], 1) / area[:, None],
-            np.stack([one, zero, slope_u], 1),
-            np.stack([zero, one, slope_v], 1),
-            area,
-        )
-
-    return lines
+@compiled(REALS_2D(FACE, REALS_2D))
+def place(face: Face, points: Reals) -> Reals:
+    """Give (u, v), (k, 2) mm, of a face below points (k, 3) mm of the pad's frame."""
+    placed = points[:, :2].copy()
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        if face.kind == AROUND:
+            placed[i, 0] = face.size[0] * math.atan2(x, z + face.size[0])
+        elif face.kind == OVER:
+            away = math.hypot(x, y)
+            placed[i] *= face.size[0] * math.atan2(away, z + face.size[0]) / max(away, _SMALL)
+    return placed

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 import tactsim
 from tactsim import Pad
 from tactsim.core.errors import InputError
-from tactsim.press import geom_gap
 
 PAD = Pad()
 # Without gaps, so that the taxels' sum is the force; with 738 taxels.
@@ -212,7 +211,7 @@ def test_a_blade_that_stands_on_its_very_end_is_felt_as_a_point():
     assert reading.kpa.max() > 0.999 * reading.kpa.sum()
 
 
-def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothing(monkeypatch):
+def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothing():
     """A body of 400 corners in a random attitude, half beside the pad."""
     places = np.random.default_rng(1).normal(size=(400, 3))
     places *= [0.012, 0.009, 0.006] / np.linalg.norm(places, axis=1)[:, None]
@@ -227,10 +226,10 @@ def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothi
     for _ in range(1000):
         mujoco.mj_step(model, data)
     few = reader.read(data)
-    faces = []
-    monkeypatch.setattr(geom_gap.Facets, "near", lambda self, points: faces.append(len(self.offsets)) or self)
+    ((geoms, body),) = reader._bodies.items()
+    reader._bodies[geoms] = body._replace(balls=np.full_like(body.balls, [0, 0, 0, np.inf]))  # all are near
     every = reader.read(data)
-    assert min(faces) > 700
+    assert len(body.offsets) > 700
     assert few.kpa.max() > 20
     np.testing.assert_allclose(few.kpa, every.kpa, atol=1e-9 * every.kpa.max())
 
@@ -361,19 +360,75 @@ def test_a_round_finger_on_a_plane_is_the_closed_form(stiffness):
     assert errors(reading.kpa, image(pad, pressure))[1] < (0.02 if stiffness < 1000 else 0.01)
 
 
-def test_friction_is_reported_and_not_felt():
-    """A block at rest on a slope of 0.2 rad: the weight's part along the slope is friction, which points downhill."""
-    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
-        <body name="slope" euler="0 11.4592 0"><geom name="finger" type="box" size=".02 .02 .005" friction="1"/></body>
-        <body name="block" euler="0 11.4592 0" pos="0.00159 0 .00785"><freejoint/>
-          <geom type="box" size=".003 .003 .003" mass=".2"/></body></worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "slope", PAD).bind(model := spec.compile())
+# Without gaps and without point spread the taxels' sum is the force.
+TIGHT = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+TAXEL = 1.9 * 1.9 / 1e3  # N for a kPa
+
+
+@pytest.mark.parametrize("about", ["x", "y"])
+def test_a_block_at_rest_on_a_slope_shears_the_pad_downhill_by_its_weights_part(about):
+    """By m g sin a, along the pad's x of a pad that is turned about y, and against its y of one turned about x."""
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
+        <frame euler="{"11.4592 0 0" if about == "x" else "0 11.4592 0"}">
+          <body name="slope"><geom name="finger" type="box" size=".02 .02 .005" friction="1"/></body>
+          <body name="block" pos="0 0 .008"><freejoint/><geom type="box" size=".003 .003 .003" mass=".2"/></body>
+        </frame></worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "slope", TIGHT, psf_sigma=0).bind(model := spec.compile())
     data = mujoco.MjData(model)
     for _ in range(1000):
         mujoco.mj_step(model, data)
     reading = reader.read(data)
-    assert reading.force == pytest.approx(0.2 * GRAVITY * np.cos(0.2), rel=1e-2)
-    np.testing.assert_allclose(reading.shear, [0.2 * GRAVITY * np.sin(0.2), 0, 0], atol=0.01)
+    weight = 0.2 * GRAVITY
+    downhill = np.array([0, -1] if about == "x" else [1, 0]) * weight * np.sin(0.2)
+    assert reading.force == pytest.approx(weight * np.cos(0.2), rel=1e-2)
+    np.testing.assert_allclose(reading.shear, [*downhill, 0], atol=0.01)
+    np.testing.assert_allclose(TAXEL * reading.shear_kpa.sum(axis=0), reading.shear[:2], atol=1e-9)
+    np.testing.assert_allclose(reading.shear_kpa, np.outer(reading.kpa, reading.shear[:2] / reading.force))
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (-0.6, 0.8)])
+def test_a_block_that_slides_shears_the_pad_along_its_way_by_mu_n(direction):
+    """It slides at a constant speed, pushed by an actuator on each of its two slides."""
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
+        <geom name="finger" type="box" size=".02 .02 .005" friction=".4"/>
+        <body name="block" pos="0 0 .008"><joint name="x" type="slide" axis="1 0 0"/>
+          <joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
+          <geom type="box" size=".003 .003 .003" mass=".2" friction=".4"/></body></worldbody>
+        <actuator><velocity joint="x" kv="100"/><velocity joint="y" kv="100"/></actuator></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", TIGHT, psf_sigma=0).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    data.ctrl[:] = np.array(direction) * 0.012
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-2)
+    np.testing.assert_allclose(reading.shear[:2], 0.4 * reading.force * np.array(direction), atol=0.01)
+    np.testing.assert_allclose(TAXEL * reading.shear_kpa.sum(axis=0), reading.shear[:2], atol=1e-9)
+
+
+def test_two_bodies_that_slide_apart_shear_the_pad_each_its_own_way():
+    """The sums over the taxels under each, of a pad without gaps."""
+    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.0005" integrator="implicitfast" cone="elliptic"/>
+        <worldbody>
+        <geom name="finger" type="box" size=".02 .02 .005" friction=".5"/>
+        <body pos="-.0045 0 .007"><joint name="a" type="slide"/><joint type="slide" axis="0 0 1"/>
+          <geom type="box" size=".002 .002 .002" mass=".1"/></body>
+        <body pos=".0045 0 .007"><joint name="b" type="slide"/><joint type="slide" axis="0 0 1"/>
+          <geom type="box" size=".002 .002 .002" mass=".3"/></body></worldbody>
+        <default><joint axis="1 0 0"/><geom friction=".5"/></default>
+        <actuator><velocity joint="a" kv="100"/><velocity joint="b" kv="100"/></actuator></mujoco>""")
+    reader = tactsim.press.attach(spec, "finger", TIGHT, psf_sigma=0).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 0.015, -0.025
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    assert reading.force == pytest.approx(0.4 * GRAVITY, rel=0.1)
+    for way, side in ((1, TIGHT.taxel_xy[:, 0] < 0), (-1, TIGHT.taxel_xy[:, 0] > 0)):
+        force, shear = reading.kpa[side].sum(), reading.shear_kpa[side].sum(axis=0)
+        assert force * TAXEL > 0.9
+        np.testing.assert_allclose(shear, [way * 0.5 * force, 0], atol=0.01 * force)
+    np.testing.assert_allclose(TAXEL * reading.shear_kpa.sum(axis=0), reading.shear[:2], atol=1e-9)
 
 
 def test_a_reading_changes_nothing_in_the_simulation():

@@ -1,0 +1,305 @@
+"""Press a rigid body into the layer on a pad's surface: find where it touches, and let the layer carry its load there.
+
+A lattice of few cells finds what touches; a fine one that covers just this gives the pressure.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import float64, int64, types
+
+from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
+from tactsim.press.layer_balance import balance
+from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
+from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place
+
+_LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
+_LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
+_LINES_OF_STEPS = 200  # at most, on a surface that may jump, which the lattice samples
+_LINES_A_PITCH_OF_STEPS = 25
+_LINES_A_PITCH = 3  # between the two
+_SEARCH = 10  # of the lattices that find what touches
+_SEARCHES = 12
+_POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
+_MARGIN = 1.0  # mm about the contact points where the search begins
+_GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
+_NONE = 1e-300  # N
+_MM = 1e3  # mm in a metre
+_HELD = 1e-9  # rad for a unit of all joints, below which they do not turn a body
+_SPREAD = (
+    0.01  # contact points wider apart than this share of the face's touching part say how the load is turned
+)
+
+
+class Load(NamedTuple):
+    """What a rigid body does to a pad, in the pad's frame.
+
+    force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the contacts. centre: (3,) mm,
+    where the force acts. axes: (2, 3), unit vectors about which the body turns until the pressure is centred
+    there, or 0. spreads: (2,) mm, how far the contact points reach from side to side of each axis.
+    """
+
+    force: float
+    direction: Reals
+    points: Reals
+    centre: Reals
+    axes: Reals
+    spreads: Reals
+
+
+class Springs(NamedTuple):
+    """What lies on the surface: N/mm^3, and the pitches of the taxels along u and v, (2,) mm."""
+
+    stiffness: float
+    pitch: Reals
+
+
+LOAD = types.NamedTuple((float64, REALS, REALS_2D, REALS, REALS_2D, REALS), Load)
+SPRINGS = types.NamedTuple((float64, REALS), Springs)
+
+
+@compiled(REALS(REALS_2D, REALS_2D), called_from_python=False)
+def uncorrelate(axes: Reals, rows: Reals) -> Reals:
+    """Turn two axes (2, 3) in their plane until the parts of m vectors (m, 3) along them are uncorrelated.
+
+    Changes axes. Returns the root of the summed squares of the parts along each: (2,), the singular values.
+    """
+    squares = np.zeros(3)
+    for i in range(len(rows)):
+        x, y = dot(rows, i, axes, 0), dot(rows, i, axes, 1)
+        squares += np.array([x * x, y * y, x * y])
+    angle = math.atan2(2 * squares[2], squares[0] - squares[1]) / 2
+    first, second = axes[0].copy(), axes[1].copy()
+    axes[0] = math.cos(angle) * first + math.sin(angle) * second
+    axes[1] = math.cos(angle) * second - math.sin(angle) * first
+    squares[:] = 0.0
+    for i in range(len(rows)):
+        squares[0] += dot(rows, i, axes, 0) ** 2
+        squares[1] += dot(rows, i, axes, 1) ** 2
+    return np.sqrt(squares[:2])
+
+
+@compiled(LOAD(REALS, REALS_2D, REALS_2D, REALS_2D))
+def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load:
+    """Add up the contacts of a body.
+
+    forces: (k,) N. pushes: (k, 3) N, the same as vectors from the pad. points: (k, 3) mm. turning: (n, 3) rad, how a
+    unit of each of n joints turns the body on the pad.
+
+    Where joints let the body turn, the balance of moments alone says where the load is centred, and MuJoCo keeps that
+    balance, if contact points lie on both sides. Where joints hold it, its centre is that of MuJoCo's few points.
+    """
+    direction, centre, force = np.zeros(3), np.zeros(3), forces.sum()
+    for i in range(len(forces)):
+        for k in range(3):
+            direction[k] += pushes[i, k]
+            centre[k] += forces[i] / force * points[i, k]
+    direction /= math.sqrt((direction**2).sum())
+    axes, least = np.zeros((2, 3)), np.abs(direction).argmin()
+    axes[0, (least + 1) % 3], axes[0, (least + 2) % 3] = (
+        -direction[(least + 2) % 3],
+        direction[(least + 1) % 3],
+    )
+    axes[0] /= math.sqrt((axes[0] ** 2).sum())
+    axes[1] = np.cross(direction, axes[0])
+    turns = uncorrelate(axes, turning)
+    for i in range(2):
+        if turns[i] < _HELD:
+            axes[i] = 0.0
+    levers = np.empty_like(points)  # how far a turn about each axis brings each point nearer
+    for i in range(len(points)):
+        levers[i] = np.cross(direction, points[i] - centre)
+    spreads = uncorrelate(axes, levers)
+    return Load(force, direction, points, centre, axes, spreads)
+
+
+@compiled(types.UniTuple(REALS_2D, 3)(REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS))
+def turn_contacts(
+    forces: Reals, frames: Reals, places: Reals, rotation: Reals, origin: Reals
+) -> tuple[Reals, Reals, Reals]:
+    """Turn k contacts into the pad's frame, which lies at rotation (3, 3) and origin (3,) m of the world's.
+
+    forces: (k, 6), as mj_contactForce gives them, on what touches the pad. frames (k, 9), places (k, 3) m. Returns
+    the normal forces from the pad (k, 3) N, the friction on the pad (k, 3) N and the points (k, 3) mm.
+    """
+    pushes, shears, points = np.zeros(places.shape), np.zeros(places.shape), np.zeros(places.shape)
+    for i in range(len(places)):
+        for k in range(3):
+            for j in range(3):
+                pushes[i, k] += forces[i, 0] * frames[i, j] * rotation[j, k]
+                shears[i, k] -= (
+                    forces[i, 1] * frames[i, 3 + j] + forces[i, 2] * frames[i, 6 + j]
+                ) * rotation[j, k]
+                points[i, k] += _MM * (places[i, j] - origin[j]) * rotation[j, k]
+    return pushes, shears, points
+
+
+@compiled(POSE(POSE, LOAD, float64, REALS), called_from_python=False)
+def sunken(pose: Pose, load: Load, approach: float, turn: Reals) -> Pose:
+    """Move a body by what balances a load, so that it sinks `approach` mm in; turn: (3,) rad about the load's centre.
+
+    The turn is that of the surface about the body: the body turns the other way.
+    """
+    turning, angle = np.eye(3), math.sqrt((turn**2).sum())
+    if angle > 0:
+        x, y, z = turn[0] / angle, turn[1] / angle, turn[2] / angle
+        sine, rest = math.sin(angle), 1 - math.cos(angle)  # Rodrigues' formula
+        turning[0] += np.array([rest * (x * x - 1), rest * x * y + sine * z, rest * x * z - sine * y])
+        turning[1] += np.array([rest * x * y - sine * z, rest * (y * y - 1), rest * y * z + sine * x])
+        turning[2] += np.array([rest * x * z + sine * y, rest * y * z - sine * x, rest * (z * z - 1)])
+    rotations, positions = np.zeros_like(pose.rotations), np.empty_like(pose.positions)
+    for geom in range(len(positions)):
+        for i in range(3):
+            positions[geom, i] = load.centre[i] - approach * load.direction[i]
+            for j in range(3):
+                positions[geom, i] += turning[i, j] * (pose.positions[geom, j] - load.centre[j])
+                for k in range(3):
+                    rotations[geom, i, k] += turning[i, j] * pose.rotations[geom, j, k]
+    return Pose(rotations, positions)
+
+
+@compiled(
+    types.Tuple((CARRIED, POSE, float64))(FACE, SPRINGS, BODY, POSE, LOAD, REALS, REALS, float64),
+    called_from_python=False,
+)
+def press_cells(
+    face: Face, springs: Springs, body: Body, pose: Pose, load: Load, u: Reals, v: Reals, sunk: float
+) -> tuple[Carried, Pose, float]:
+    """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
+
+    sunk: mm by which the body was moved along the load already. Returns also the body as it lies where the
+    load is balanced, and how far it is sunk there.
+    """
+    columns, rows = len(u) - 1, len(v) - 1
+    cells, du, dv = rows * columns, u[1] - u[0], v[1] - v[0]
+    at_u, at_v = np.empty(cells), np.empty(cells)
+    for cell in range(cells):
+        at_u[cell], at_v[cell] = u[cell % columns] + du / 2, v[cell // columns] + dv / 2
+    lines = lay_lines(face, at_u, at_v, du, dv)
+    cover = union_gaps(body, pose, lines, face.depth + sunk)
+    met, gap, shift = cover.cell, cover.gap, cover.shift
+    own, way, centre = len(lines.normals) > 1, load.direction, load.centre
+    # A turn is measured in mm at half the length of what is looked at.
+    length = max(du * columns, dv * rows) / 2
+    turns = load.axes[load.spreads > _SPREAD * length] / length
+    basis, weight = np.empty((1 + len(turns), len(met))), np.zeros(len(met))
+    for i in range(len(met)):
+        line = met[i] if own else 0
+        x, y, z = lines.normals[line, 0], lines.normals[line, 1], lines.normals[line, 2]
+        basis[0, i] = x * way[0] + y * way[1] + z * way[2]
+        if basis[0, i] > _GRAZING:
+            weight[i] = springs.stiffness * du * dv * lines.area[met[i]] * cover.share[i]
+        if len(turns) == 0:
+            continue
+        # normal . (turn cross offset), as (offset cross normal) . turn
+        at_x, at_y, at_z = lines.points[met[i], 0], lines.points[met[i], 1], lines.points[met[i], 2]
+        at_x += shift[0, i] * lines.span_u[line, 0] + shift[1, i] * lines.span_v[line, 0] - centre[0]
+        at_y += shift[0, i] * lines.span_u[line, 1] + shift[1, i] * lines.span_v[line, 1] - centre[1]
+        at_z += shift[0, i] * lines.span_u[line, 2] + shift[1, i] * lines.span_v[line, 2] - centre[2]
+        lever_x, lever_y, lever_z = at_y * z - at_z * y, at_z * x - at_x * z, at_x * y - at_y * x
+        for j in range(len(turns)):
+            basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
+    forces, moved = np.zeros(cells), np.zeros((2, cells))
+    if weight.sum() == 0:
+        return Carried(forces.reshape(rows, columns), moved, u, v), pose, sunk
+    motion = balance(gap, weight, basis, load.force)
+    for i in range(len(met)):
+        depth = -gap[i]
+        for j in range(len(motion)):
+            depth += motion[j] * basis[j, i]
+        if depth > 0:
+            carried = weight[i] * depth * basis[0, i]
+            forces[met[i]] += carried
+            moved[0, met[i]] += carried * shift[0, i]
+            moved[1, met[i]] += carried * shift[1, i]
+    moved /= np.maximum(forces, _NONE)
+    turn = np.zeros(3)
+    for j in range(len(turns)):
+        turn += motion[1 + j] * turns[j]
+    return (
+        Carried(forces.reshape(rows, columns), moved, u, v),
+        sunken(pose, load, motion[0], turn),
+        sunk + motion[0],
+    )
+
+
+@compiled(REALS(float64, float64, int64), called_from_python=False)
+def edges(low: float, high: float, cells: int) -> Reals:
+    """Divide a length into cells: (cells + 1,) mm."""
+    lines = np.empty(cells + 1)
+    for i in range(cells + 1):
+        lines[i] = low + (high - low) * (i / cells)
+    return lines
+
+
+@compiled(types.Tuple((CARRIED, float64))(FACE, SPRINGS, BODY, POSE, LOAD), called_from_python=False)
+def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
+    """Let the layer carry a load: what it carries, and how far it gives way, mm.
+
+    All forces are 0 where the body touches beside the face alone.
+    """
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for point in place(face, load.points):
+        low, high = np.minimum(low, point), np.maximum(high, point)
+    low = np.minimum(np.maximum(low - _MARGIN, face.low), face.high)
+    high = np.minimum(np.maximum(high + _MARGIN, face.low), face.high)
+    middle = place(face, load.centre.reshape(1, 3))[0]
+    carried = Carried(np.zeros((1, 1)), np.zeros((2, 1)), low[:1].copy(), low[:1].copy())
+    for _ in range(_SEARCHES):
+        if (high <= low).any():
+            break
+        u, v = edges(low[0], high[0], _SEARCH), edges(low[1], high[1], _SEARCH)
+        carried, moved, sunk = press_cells(face, springs, body, pose, load, u, v, 0.0)
+        size, cell = high - low, (high - low) / _SEARCH
+        first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
+        for row in range(_SEARCH):
+            for column in range(_SEARCH):
+                if carried.forces[row, column] != 0:
+                    first[0], last[0] = min(first[0], column), max(last[0], column)
+                    first[1], last[1] = min(first[1], row), max(last[1], row)
+        if last[0] < 0:  # too small to be seen
+            seen = np.minimum(np.maximum(middle, low), high)
+            low, high = np.maximum(seen - cell, low), np.minimum(seen + cell, high)
+            continue
+        # What touches, with a cell more on every side, or much more where it reaches the side.
+        grows = False
+        for i in range(2):
+            below, above = (
+                first[i] == 0 and low[i] > face.low[i],
+                last[i] == _SEARCH - 1 and high[i] < face.high[i],
+            )
+            start = low[i]
+            low[i] = max(start - size[i] if below else start + (first[i] - 1) * cell[i], face.low[i])
+            high[i] = min(high[i] + size[i] if above else start + (last[i] + 2) * cell[i], face.high[i])
+            grows |= below or above
+        if grows:
+            continue
+        if (high - low < _POINT * springs.pitch).all():
+            break
+        if (high - low > size / 2).all():
+            least, most, a_pitch = _LINES[0], _LINES[1], _LINES_A_PITCH
+            if len(body.kind) > 1:
+                least = _LINES_OF_SEVERAL
+            if face.stepped:
+                most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
+            count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / springs.pitch), least), most)
+            u, v = edges(low[0], high[0], int(count[0])), edges(low[1], high[1], int(count[1]))
+            carried, _, sunk = press_cells(face, springs, body, moved, load, u, v, sunk)
+            return carried, sunk
+    return carried, 0.0
+
+
+@compiled(types.UniTuple(float64, 2)(FACE, SPRINGS, BODY, POSE, LOAD, TAXELS, REALS_2D))
+def press(
+    face: Face, springs: Springs, body: Body, pose: Pose, load: Load, taxels: Taxels, image: Reals
+) -> tuple[float, float]:
+    """Let the layer carry a load, and the taxels feel it: adds N to image (rows, columns).
+
+    Returns the force on the pad, N, and how far the layer gives way, mm.
+    """
+    carried, sunk = carry(face, springs, body, pose, load)
+    return spread_forces(carried, taxels, image), sunk
