@@ -50,6 +50,12 @@ def beside(run: Run) -> Printed | None:
     return of_filter(run) or BEST
 
 
+def in_figure(run: Run) -> Printed | None:
+    """Give what the paper prints of a run's filter and budget if the run follows the protocol of its figures."""
+    follows = "test poses same" in run.protocol and run.config["explore"] == "random"
+    return of_filter(run) if follows and beside(run) else None
+
+
 def of_filter(run: Run) -> Printed | None:
     """Give what the paper prints of a run's own filter and budget; None if that is nothing."""
     allowed = budget(run)

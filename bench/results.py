@@ -447,6 +447,7 @@ class _Config(_AnyConfig):
     given: str | None
     letters: list[str] | None
     readings: int
+    shapes: list[str] = []
 
 
 class _SpaceConfig(_AnyConfig):
@@ -603,9 +604,14 @@ def load(path: str | Path) -> Run:
             from tactsim.bench.space.surface_distance import load_surfaces
 
             stated = checked(_SpaceAbout, about, "run.json").symmetries
-            surfaces, hold_out = load_surfaces(stated, folder / "objects.npz"), list[str]()
+            surfaces, hold_out, shapes = (
+                load_surfaces(stated, folder / "objects.npz"),
+                list[str](),
+                list[str](),
+            )
         else:
-            hold_out = checked(_About, about, "run.json").config.hold_out
+            config = checked(_About, about, "run.json").config
+            hold_out, shapes = config.hold_out, config.shapes
         trials = _trials(
             read_table(folder / "trials.csv", layout.columns),
             read_table(folder / "times.csv", layout.time_columns),
@@ -618,7 +624,7 @@ def load(path: str | Path) -> Run:
         run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, surfaces)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    kept = tuple(folder / SHAPES / Path(path).name for path in run.config.get("shapes") or ())
+    kept = tuple(folder / SHAPES / Path(path).name for path in shapes)
     return replace(run, shape_files=kept) if all(path.is_file() for path in kept) else run
 
 

@@ -252,7 +252,7 @@ def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
         for heading in ("right @5", "@10", "@end", "all from", "95 % by", "error mm", "ms"):
             table.add_column(heading, justify="right")
         for entry in group.entries:
-            summary, trials = entry.summary, entry.run.trials
+            summary, trials = entry.summary, entry.trials
             accuracy, error = summary["accuracy"], summary["error_mm"][-1]
             table.add_row(
                 entry.label,

@@ -18,6 +18,12 @@ def command(
             show_default=False,
         ),
     ] = None,
+    each_seed: Annotated[
+        bool,
+        typer.Option(
+            "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
+        ),
+    ] = False,
 ) -> None:
     """Write one HTML page that opens without a network, and beside it every curve as CSV."""
     from tactsim.bench.places import RESULTS, check_new_file, check_page
@@ -32,7 +38,7 @@ def command(
     check_page(target)
     check_new_file(target, picture=".html")
     with progress_bars() as progress:
-        written, remarks = write_report(runs, target, progress=progress)
+        written, remarks = write_report(runs, target, each_seed=each_seed, progress=progress)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
         typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
 from tactsim.bench.runs.naming import Entry, Group
-from tactsim.bench.score import Z_95
+from tactsim.bench.score import error_limits
 from tactsim.bench.trials import Trials
 
-_WHO = ("protocol", "task", "run", "folder")
+_WHO = ("protocol", "task", "run", "folder", "seed", "estimator", "budget")
 
 
 # The columns of NAME.csv.
@@ -28,7 +28,7 @@ COLUMNS: dict[str, Sequence[str]] = {
     ),
     "reliability": (*_WHO, "probability", "right", "estimates"),
     "pareto": (
-        *_WHO, "method", "budget_option", "budget", "readings", "seconds_per_recognition",
+        *_WHO, "method", "budget_option", "readings", "seconds_per_recognition",
         "error_mm", "error_low_mm", "error_high_mm", "settled_95", "error_frontier", "settled_frontier",
     ),
     "confusion": (*_WHO, "reading", "truth", "label", "trials"),
@@ -48,15 +48,32 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
     return {name: _csv(columns, rows[name]) for name, columns in COLUMNS.items()}
 
 
-def error_band(summary: Mapping[str, Any]) -> tuple[list[float | None], list[float | None]]:
-    """Bound the mean error at every reading with its 95 % interval; None where there is no error."""
-    low: list[float | None] = []
-    high: list[float | None] = []
-    for error, spread in zip(summary["error_mm"], summary["error_standard_error_mm"], strict=True):
-        known = error is not None and spread is not None
-        low.append(max(error - Z_95 * spread, 0.0) if known else None)
-        high.append(error + Z_95 * spread if known else None)
-    return low, high
+def axis_of_errors(group: Group) -> tuple[float, float]:
+    """Choose the limits, mm, of a logarithmic axis for the errors of a group's runs, with their intervals."""
+    errors: list[Sequence[float | None]] = []
+    for entry in group.entries:
+        errors += [entry.summary["error_mm"], entry.error_band[1]]
+    bounds = np.concatenate(
+        [np.array(entry.against_bound["bound_mm"], dtype=float) for entry in group.entries]
+    )
+    return error_limits([np.array(curve, dtype=float) for curve in errors], bounds)
+
+
+def below_bound(group: Group) -> list[str]:
+    """Say which runs err less than the Cramer-Rao bound, or where none is known than an axis shows, and why."""
+    why = "the bound is of estimators without a bias, which know nothing of the pose beforehand"
+    if "test poses same" in group.protocol:
+        why = "its test readings were taken at the poses of its training readings, one of which it names"
+    notes = []
+    for entry in group.entries:
+        bounds = np.array(entry.against_bound["bound_mm"], dtype=float)
+        known = np.isfinite(bounds).any()
+        limits = bounds if known else np.full(len(bounds), axis_of_errors(group)[0])
+        below = np.flatnonzero(np.array(entry.error_band[1], dtype=float) < limits)
+        if len(below):
+            limit = "the Cramer-Rao bound" if known else f"{limits[0]:.2g} mm"
+            notes.append(f"{entry.label} errs less than {limit} from reading {below[0] + 1} on: {why}.")
+    return notes
 
 
 def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
@@ -64,7 +81,7 @@ def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
 
     The labels are the true letters, then all other labels that are estimated or right.
     """
-    trials = entry.run.trials
+    trials = entry.trials
     others = np.union1d(trials.label, trials.answer)
     letters = list(dict.fromkeys([*trials.truth.tolist(), *others.tolist()]))
     place = {letter: i for i, letter in enumerate(letters)}
@@ -99,7 +116,16 @@ def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
 
 
 def _who(group: Group, entry: Entry) -> tuple[str, ...]:
-    return group.protocol, group.task, entry.label, str(entry.folder)
+    amount = str(entry.budget.amount) if entry.budget else ""
+    return (
+        group.protocol,
+        group.task,
+        entry.label,
+        str(entry.folder),
+        entry.seeds,
+        entry.run.estimator,
+        amount,
+    )
 
 
 def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
@@ -108,9 +134,9 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             s = entry.summary
             columns = (
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
-                s["error_mm"], *error_band(s), s["error_all_mm"],
+                s["error_mm"], *entry.error_band, s["error_all_mm"],
                 s["coverage_50"], s["coverage_90"], s["sharpness_mm"],
-                entry.run.against_bound["bound_mm"], entry.run.against_bound["efficiency"],
+                entry.against_bound["bound_mm"], entry.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):
                 yield *_who(group, entry), number, *row
@@ -119,7 +145,7 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
 def _reliability(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
     for group in groups:
         for entry in group.entries:
-            for one in reliability(entry.run.trials):
+            for one in reliability(entry.trials):
                 yield *_who(group, entry), one.probability, one.right, one.count
 
 
@@ -129,7 +155,7 @@ def _pareto(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             budget = point.entry.budget
             yield (
                 *_who(group, point.entry), point.entry.method,
-                budget.option if budget else None, budget.amount if budget else None, group.readings,
+                budget.option if budget else None, group.readings,
                 point.seconds, point.error, point.low, point.high, point.settled,
                 point.error_frontier, point.settled_frontier,
             )  # fmt: skip

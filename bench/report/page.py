@@ -9,19 +9,22 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tactsim.bench import paper
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
-from tactsim.bench.report.curves import confusion_counts, error_band, reliability
+from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
 from tactsim.bench.runs.naming import Entry, Group
 from tactsim.core.errors import counted
+from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
 _ASSETS = "report/assets/"
@@ -65,7 +68,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         f"{_ASSETS}page.html",
         scripts=[_ASSETS + name for name in _SCRIPTS],
         styles=[f"{_ASSETS}page.css"],
-        title=f"{REPORT_TITLE}{counted(len(entries), 'run')}",
+        title=f"{REPORT_TITLE}{counted(sum(len(entry.runs) for entry in entries), 'run')}",
         data=data,
         arrays=arrays.text(),
     )
@@ -121,6 +124,13 @@ def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "machine": machine_line(group.entries),
         "runs": [_run(entry, methods, arrays) for entry in group.entries],
         "curves": has_curves(group),
+        "errorAxis": [_short(end) for end in axis_of_errors(group)],
+        "notes": below_bound(group),
+        "printed": [
+            {**asdict(printed), "run": keys[id(entry)], "words": printed.words, "bins": _table_1(printed)}
+            for entry in group.entries
+            if (printed := paper.in_figure(entry.run)) is not None
+        ],
         "pareto": [
             {
                 "run": keys[id(point.entry)],
@@ -137,11 +147,16 @@ def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
     }
 
 
+def _table_1(printed: paper.Printed) -> str | None:
+    """Say how Table I divides a histogram's bins over x, y and the angle; None of a filter without bins."""
+    return " x ".join(map(str, TABLE_I[printed.amount])) if printed.option == "bins" else None
+
+
 def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
     run, summary = entry.run, entry.summary
-    low, high = error_band(summary)
+    low, high = entry.error_band
     letters, counts = confusion_counts(entry)
-    trials = run.trials
+    trials = entry.trials
     answers = dict(zip(trials.truth.tolist(), trials.answer.tolist(), strict=True))
     return {
         "label": entry.label,
@@ -152,6 +167,7 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "description": run.about["description"],
         "letters": run.about["letters"],
         "trials": len(trials.truth),
+        "scans": len(entry.runs),
         "readings": entry.readings,
         "accuracy": _column(summary["accuracy"]),
         "accuracyLow": _column(summary["accuracy_low"]),
@@ -160,8 +176,8 @@ def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]
         "errorLow": _column(low),
         "errorHigh": _column(high),
         "errorAll": _column(summary["error_all_mm"]),
-        "bound": _column(run.against_bound["bound_mm"]),
-        "efficiency": _column(run.against_bound["efficiency"]),
+        "bound": _column(entry.against_bound["bound_mm"]),
+        "efficiency": _column(entry.against_bound["efficiency"]),
         "coverage90": _column(summary["coverage_90"]),
         "coverage50": _column(summary["coverage_50"]),
         "sharpness": _column(summary["sharpness_mm"]),
@@ -239,19 +255,22 @@ def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:
 
 
 def _map_set(maps: Mapping[str, OccupancyMap], arrays: Arrays) -> dict[str, Any]:
-    evidence = {label: chart.log_odds - log_odds(chart.prior) for label, chart in maps.items()}
-    limit = max(1.0, *(float(np.abs(values).max()) for values in evidence.values()))
-    return {
-        "limit": _short(limit),
-        "charts": [
-            # Signed square roots: the outline shows beside the few cells that were felt most.
+    charts = []
+    for label, chart in maps.items():
+        evidence = chart.log_odds - log_odds(chart.prior)
+        limit = max(1.0, float(np.abs(evidence).max()))
+        # Signed square roots: the outline shows beside the few cells that were felt most.
+        root = 127 * np.sign(evidence) * np.sqrt(np.abs(evidence) / limit)
+        width = chart.cell * evidence.shape[1]
+        charts.append(
             {
                 "letter": label,
-                "root": arrays.add(np.round(127 * np.sign(values) * np.sqrt(np.abs(values) / limit)), "i1"),
+                "limit": _short(limit),
+                "width": _short(width),
+                "root": arrays.add(np.round(root), "i1"),
             }
-            for label, values in evidence.items()
-        ],
-    }
+        )
+    return {"charts": charts}
 
 
 def _column(values: Any) -> list[float | None]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tactsim.bench.runs.naming import Entry, Group
-from tactsim.bench.score import Z_95, recognition_seconds, settled_by
+from tactsim.bench.score import recognition_seconds, settled_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +34,16 @@ def points(group: Group) -> list[Point]:
     readings = group.readings
     found = []
     for entry in group.entries:
-        trials = entry.run.trials
+        trials = entry.trials
         error = entry.summary["error_mm"][readings - 1]
-        spread = entry.summary["error_standard_error_mm"][readings - 1]
-        half = Z_95 * spread if spread is not None else 0.0
+        low, high = (end[readings - 1] for end in entry.error_band)
         found.append(
             (
                 entry,
                 recognition_seconds(trials, readings),
                 error,
-                None if error is None else max(error - half, 0.0),
-                None if error is None else error + half,
+                error if low is None else low,
+                error if high is None else high,
                 settled_by(trials.right[:, :readings], 0.95),
             )
         )

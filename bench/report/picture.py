@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from tactsim.bench.report.curves import error_band
+from tactsim.bench import paper
+from tactsim.bench.report.curves import axis_of_errors, below_bound
 from tactsim.bench.report.pareto import Point, machine_line, points
 from tactsim.bench.runs.naming import Group
 from tactsim.core.files import write_bytes
@@ -24,6 +26,8 @@ COLOURS = (
     "#7a0c14", "#1d5e14", "#27339b", "#7a0f74", "#8874b4", "#304254", "#3f86f2", "#5c8a00",
 )  # fmt: skip
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
+# What of a file's metadata would differ from one time to the next.
+_DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
 # Of the axes of `pareto_figure`, about what a letter of a note is wide, and a line high.
@@ -47,9 +51,7 @@ def save(figure: Figure, path: Path) -> None:
     content = BytesIO()
     kind = path.suffix.removeprefix(".")
     with mpl.rc_context({"svg.hashsalt": "tactsim"}):
-        figure.savefig(
-            content, format=kind, dpi=200, metadata={"Date": None} if kind == "svg" else {"Software": None}
-        )
+        figure.savefig(content, format=kind, dpi=200, metadata={_DATES[kind]: None})
     write_bytes(path, content.getvalue())
 
 
@@ -112,6 +114,8 @@ def readings_figure(group: Group) -> Figure:
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
     figure = Figure(figsize=(10, 4.6), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
+    least, most = axis_of_errors(group)
+    noted: list[Line2D] = []
     for number, method in enumerate(group.methods):
         mine = [entry for entry in group.entries if entry.method == method]
         budgets = 1 if len(group.entries) > CROWD else len(DASHES)
@@ -120,7 +124,8 @@ def readings_figure(group: Group) -> Figure:
             style["ls"] = DASHES[rank]
             seen, summary = np.arange(1, entry.readings + 1), entry.summary
             error, low, high = (
-                np.array(curve, dtype=float) for curve in (summary["error_mm"], *error_band(summary))
+                np.maximum(least, np.array(curve, dtype=float))
+                for curve in (summary["error_mm"], *entry.error_band)
             )
             for axes, curve, below, above in (
                 (left, summary["accuracy"], summary["accuracy_low"], summary["accuracy_high"]),
@@ -128,13 +133,25 @@ def readings_figure(group: Group) -> Figure:
             ):
                 axes.fill_between(seen, below, above, color=style["color"], alpha=0.1, lw=0)
                 axes.plot(seen, curve, **style)
-    bounded = next((entry.run for entry in group.entries if entry.run.bounds is not None), None)
+            printed = paper.in_figure(entry.run)
+            if printed is not None:
+                left.plot(
+                    printed.readings, printed.share, marker="*", ms=13, mec="black", ls="none", clip_on=False, zorder=5,
+                    color=style["color"], label=f"the paper, {printed.amount:,} {printed.option}",
+                )  # fmt: skip
+            if printed is not None and printed.error is not None:
+                label = f"the paper: {printed.error:g} mm ({printed.amount:,} {printed.option})"
+                noted.append(right.axhline(printed.error, color="black", lw=0.9, ls=":", label=label))
+    bounded = next((entry for entry in group.entries if any(entry.against_bound["bound_mm"])), None)
     if bounded is not None:
-        seen = np.arange(1, bounded.readings + 1)
-        (line,) = right.plot(seen, bounded.bound_mm, color="black", lw=1, ls=(0, (5, 3)))
-        right.legend([line], ["Cramer-Rao bound"], frameon=False, fontsize=8)
+        bound = np.array(bounded.against_bound["bound_mm"], dtype=float)
+        noted += right.plot(
+            np.arange(1, len(bound) + 1), bound, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound"
+        )
+    if noted:
+        right.legend(handles=noted, framealpha=0.9, edgecolor="none", fontsize=8)
     left.set(ylim=(0, 1.02), ylabel="share of trials right")
-    right.set(yscale="log", ylabel="placement error, mm")
+    right.set(yscale="log", ylim=(least, most), ylabel="placement error, mm")
     _plain_log(right.yaxis)
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
@@ -142,7 +159,11 @@ def readings_figure(group: Group) -> Figure:
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     _legend(figure, left)
-    _caption(figure, group, "Error where the letter is right. Bands: 95 % intervals.")
+    _caption(
+        figure,
+        group,
+        "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
+    )
     return figure
 
 
@@ -159,12 +180,16 @@ def _legend(figure: Figure, axes: Axes) -> None:
 
 
 def _caption(figure: Figure, group: Group, text: str) -> None:
-    counts = sorted({len(entry.run.trials.truth) for entry in group.entries})
-    trials = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    counts, scans = (
+        f"{min(numbers)}" if min(numbers) == max(numbers) else f"{min(numbers)} to {max(numbers)}"
+        for numbers in zip(
+            *((len(entry.trials.truth), len(entry.runs)) for entry in group.entries), strict=True
+        )
+    )
     letters = len(group.entries[0].run.about["letters"])
     task = "" if group.task == "defaults" else f"{group.task}; "
     figure.supxlabel(
-        f"{task}{letters} letters, {trials} trials a run, {group.protocol}. {text}",
+        f"{task}{letters} letters, {counts} trials of {scans} scans, {group.protocol}. {text}",
         fontsize=8,
         color="#444444",
     )

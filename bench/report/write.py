@@ -22,25 +22,33 @@ from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.files import opened, write_text
 
-_KINDS = ("png", "svg")
+_KINDS = ("png", "svg", "pdf")
 
 
 def write_report(
-    paths: Iterable[Path], out: Path, *, progress: Progress = silent
+    paths: Iterable[Path], out: Path, *, each_seed: bool = False, progress: Progress = silent
 ) -> tuple[list[Path], list[str]]:
     """Make the report of the runs and sweeps in these folders; returns what `write_pages` does.
 
     Raises InputError for a path that holds no run, for a damaged run, or if `out` cannot be written.
     """
     folders, remarks = find(paths)
-    return write_pages([(folder, load(folder)) for folder in folders], out, remarks, progress=progress)
+    return write_pages(
+        [(folder, load(folder)) for folder in folders], out, remarks, each_seed=each_seed, progress=progress
+    )
 
 
 def write_pages(
-    runs: Iterable[tuple[Path, Run]], out: Path, remarks: Iterable[str] = (), *, progress: Progress = silent
+    runs: Iterable[tuple[Path, Run]],
+    out: Path,
+    remarks: Iterable[str] = (),
+    *,
+    each_seed: bool = False,
+    progress: Progress = silent,
 ) -> tuple[list[Path], list[str]]:
     """Make the report of runs, each with the folder that it is known by, at `out`.
 
+    Runs that differ in the seed alone are shown as one, unless `each_seed`.
     Returns all files written, the page first, and remarks on what is missing, `remarks` first; the page has
     them too. Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
     What an older report left there is replaced. Raises InputError if `out` cannot be written, or if something else
@@ -57,10 +65,9 @@ def write_pages(
 
         return write_space_page({folder.name: run for folder, run in runs}, out, remarks, progress=progress)
     scans: dict[str, Scan] = {}
-    groups = collect((folder, _with_bounds(run, scans)) for folder, run in runs)
+    groups = collect(((folder, _with_bounds(run, scans)) for folder, run in runs), pool_seeds=not each_seed)
     prefix = "" if out.stem == "report" else f"{out.stem}-"
-    with_curves = [group for group in groups if has_curves(group)]
-    _check_beside(out, prefix, len(with_curves))
+    _check_beside(out, prefix, len(groups))
     replayed, failed = replay_all(groups, scans, progress=progress)
     remarks = [*remarks]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
@@ -68,18 +75,19 @@ def write_pages(
     for name, content in tables(groups, replayed).items():
         written.append(out.with_name(f"{prefix}{name}.csv"))
         write_text(written[-1], content)
-    for number, group in enumerate(with_curves, start=1):
-        from tactsim.bench.report.picture import pareto_figure, readings_figure, save
+    from tactsim.bench.report.picture import pareto_figure, readings_figure, save
 
+    for number, group in enumerate(groups, start=1):
+        # The folder of a run has a readings.png of its own.
+        kinds = _KINDS if has_curves(group) else _KINDS[1:]
         for name, draw in (("pareto", pareto_figure), ("readings", readings_figure)):
-            figure = draw(group)
-            for kind in _KINDS:
-                place = out.with_name(f"{prefix}{_numbered(name, number)}.{kind}")
-                save(figure, place)
-                written.append(place)
+            if name == "readings" or has_curves(group):
+                figure = draw(group)
+                for kind in kinds:
+                    written.append(out.with_name(f"{prefix}{_numbered(name, number)}.{kind}"))
+                    save(figure, written[-1])
     moving = next((one.scan for one in replayed if one.scan.sequence is not None), None)
     if moving is not None:
-        from tactsim.bench.report.picture import save
         from tactsim.bench.report.press_picture import press_figure
 
         for kind in _KINDS:

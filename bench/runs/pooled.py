@@ -168,6 +168,18 @@ def pool(runs: Iterable[Run]) -> list[Pooled]:
     return sorted(pools, key=lambda one: kinds.index((one.protocol, one.task)))
 
 
+def intervals(runs: Sequence[Run]) -> dict[str, list[float | None]]:
+    """Bound accuracy and error of runs that differ in the seed at every reading, over scans and trials."""
+    one = Pooled("", None, "", "", tuple(runs))
+    curves: dict[str, list[float | None]] = {}
+    for name, curve in (("accuracy", _right), ("error", _error)):
+        found = [curve(one, k) for k in range(runs[0].readings)]
+        unit = "_mm" if name == "error" else ""
+        curves[f"{name}_low{unit}"] = [figure.low for figure in found]
+        curves[f"{name}_high{unit}"] = [figure.high for figure in found]
+    return curves
+
+
 def cell(one: Pooled, figure: str) -> str:
     """Write one figure of a pool, such as right@5, with its interval; right@5,10 for two readings, without.
 

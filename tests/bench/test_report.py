@@ -21,13 +21,14 @@ from tactsim.bench.config import run_config
 from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import find
-from tactsim.bench.report.curves import confusion_counts, reliability
+from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
 from tactsim.bench.report.pareto import frontier, points
-from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look
+from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look, readings_figure
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_report
 from tactsim.bench.runs.naming import budget, collect, method_name, task_name
-from tactsim.bench.score import recognition_seconds
+from tactsim.bench.runs.pooled import figure_of, pool
+from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError
@@ -63,8 +64,8 @@ def rows_of(path):
 def test_the_files_stand_beside_the_page(report):
     assert {path.name for path in report.parent.iterdir()} == {
         "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "reliability.csv",
-        "pareto.png", "pareto.svg",
-        "readings.png", "readings.svg",
+        "pareto.png", "pareto.svg", "pareto.pdf",
+        "readings.png", "readings.svg", "readings.pdf", "readings-2.svg", "readings-2.pdf",
     }  # fmt: skip
 
 
@@ -97,7 +98,7 @@ def test_a_report_of_another_name_leaves_the_first_ones_files_alone(runs, report
     written, _ = write_report([runs.small], tmp_path / "other.html")
     assert {path.name for path in written} == {
         "other.html", "other-readings.csv", "other-pareto.csv", "other-confusion.csv", "other-recognition.csv",
-            "other-reliability.csv",
+        "other-reliability.csv", "other-readings.svg", "other-readings.pdf",
     }  # fmt: skip
 
 
@@ -298,6 +299,76 @@ def sweep_folder(tmp_path, copied, places, asked):
         json.dumps({"schema": 1, "runs": [{"name": n} for n in asked]})
     )
     return tmp_path / "sweep"
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    """Three runs that differ in the seed alone, under the paper's protocol."""
+    folder = tmp_path_factory.mktemp("seeds")
+    return [
+        make_run_in(
+            folder / str(seed),
+            bins=1000,
+            test_poses="same",
+            seed=seed,
+            letters="AEIOU",
+            trials=2,
+            readings=12,
+        )
+        for seed in range(3)
+    ]
+
+
+def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tmp_path):
+    write_report(seeds, tmp_path / "pooled.html")
+    write_report(seeds, tmp_path / "each.html", each_seed=True)
+    (protocol,) = data_of(tmp_path / "pooled.html")["protocols"]
+    (task,) = protocol["tasks"]
+    (run,) = task["runs"]
+    assert (run["scans"], run["trials"]) == (3, 30)
+    (one,) = pool(results.load(seed) for seed in seeds)
+    for name, figure in (("accuracy", "right@5"), ("error", "error@5")):
+        found = figure_of(one, figure)
+        shown = [run[f"{name}{end}"][4] for end in ("", "Low", "High")]
+        assert shown == pytest.approx([found.value, found.low, found.high], rel=1e-5)
+    rows = rows_of(tmp_path / "pooled-readings.csv")
+    assert {(row["seed"], row["estimator"], row["budget"]) for row in rows} == {
+        ("0 1 2", "histogram", "1000")
+    }
+    (protocol,) = data_of(tmp_path / "each.html")["protocols"]
+    assert [run["scans"] for task in protocol["tasks"] for run in task["runs"]] == [1, 1, 1]
+    assert {row["seed"] for row in rows_of(tmp_path / "each-readings.csv")} == {"0", "1", "2"}
+
+
+def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol(seeds, runs, tmp_path):
+    write_report([seeds[0]], tmp_path / "r.html")
+    (task,) = data_of(tmp_path / "r.html")["protocols"][0]["tasks"]
+    (printed,) = task["printed"]
+    assert (printed["readings"], printed["share"], printed["error"], printed["bins"]) == (
+        46,
+        1.0,
+        None,
+        "10 x 10 x 10",
+    )
+    write_report([runs.off_grid], tmp_path / "other.html")
+    assert data_of(tmp_path / "other.html")["protocols"][0]["tasks"][0]["printed"] == []
+
+
+def test_a_method_that_copies_a_pose_collapses_no_axis_and_is_noted(tmp_path):
+    place = make_run_in(
+        tmp_path / "copies", estimator="nearest", test_poses="same", letters="AE", trials=1, readings=40
+    )
+    (group,) = collect(loaded([place]))
+    low, high = axis_of_errors(group)
+    assert group.entries[0].summary["error_mm"][-1] < 1e-9
+    assert low == LEAST_ERROR
+    assert high < 100
+    (note,) = below_bound(group)
+    assert note.startswith("nearest errs less than 0.01 mm from reading ")
+    assert "at the poses of its training readings" in note
+    axes = readings_figure(group).axes[1]
+    assert axes.get_ylim() == pytest.approx((low, high))
+    assert min(axes.lines[0].get_ydata()) == low
 
 
 def test_a_sweeps_runs_come_in_its_own_order(runs, copied, tmp_path):

@@ -187,7 +187,7 @@ def test_a_heading_sorts_its_table(open_page, path):
     page = open_page(path)
     region = page.get_by_role("region", name="Headline figures of every run").first
     heading = region.get_by_role("button", name="error after 8, mm")
-    cells = region.locator("tbody td:nth-child(7)")
+    cells = region.locator("tbody td:nth-child(10)")
     for order in ("ascending", "descending"):
         heading.press("Enter")
         errors = [float(text.split("\n")[0]) for text in cells.all_inner_texts()]

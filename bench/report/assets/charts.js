@@ -26,6 +26,11 @@ function mark(number, r) {
   ][(number + Math.floor(number / COLOURS)) % MARKS];
 }
 
+const STAR = `M${Array.from({ length: 10 }, (_, i) => {
+  const angle = (Math.PI * i) / 5 - Math.PI / 2, r = i % 2 ? 3.4 : 8;
+  return `${(r * Math.cos(angle)).toFixed(2)} ${(r * Math.sin(angle)).toFixed(2)}`;
+}).join("L")}Z`;
+
 function scale(kind, low, high, from, to) {
   const f = kind === "log" ? Math.log10 : (value) => value;
   const a = f(low), b = f(high);
@@ -102,7 +107,8 @@ function bandPath(low, high, sx, sy) {
 }
 
 // A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
-// {method, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. onReading(k) is called when the pointer asks for a reading.
+// {method, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. stars: {method, x, y, words}
+// of others' figures, levels: {y, text}, lines across. onReading(k) is called when the pointer asks for a reading.
 function curves(spec, onReading) {
   const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
@@ -127,6 +133,15 @@ function curves(spec, onReading) {
     for (const one of shown) {
       const look = one.bound ? "bound" : `m${one.method % COLOURS}`;
       inside.append(s("path", { class: `line ${look}`, "stroke-dasharray": one.dash, d: linePath(one.values.map(kept), sx, sy) }));
+    }
+    for (const level of spec.levels || []) {
+      inside.append(s("path", { class: "level", d: `M${sx(1)} ${sy(level.y)}H${sx(last)}` }),
+        s("text", { class: "note", x: sx(last), y: sy(level.y) - 5, "text-anchor": "end" }, level.text));
+    }
+    const methods = new Set(shown.map((one) => one.method));
+    for (const star of (spec.stars || []).filter((one) => methods.has(one.method))) {
+      inside.append(s("path", { class: `star m${star.method % COLOURS}`, d: STAR, transform: `translate(${sx(star.x)} ${sy(star.y)})` },
+        s("title", {}, `the paper: ${star.words}`)));
     }
     inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));
     for (const one of shown) {

@@ -7,7 +7,9 @@ function header() {
     else delete document.documentElement.dataset.theme;
     themeChanged();
   });
-  const facts = [`${runs.length} run${runs.length > 1 ? "s" : ""}`, ...data.dates.slice(0, 1), data.machine];
+  const count = runs.reduce((sum, run) => sum + run.scans, 0);
+  const pooled = count > runs.length ? ", those that differ in the seed alone taken together" : "";
+  const facts = [`${count} run${count > 1 ? "s" : ""}${pooled}`, ...data.dates.slice(0, 1), data.machine];
   document.getElementById("top").append(
     h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, "Recognising objects by touch: what each method gets right, how exactly, and what it costs")),
     theme.field,
@@ -37,8 +39,8 @@ function readingsSection(task) {
   const error = series("error", "errorLow", "errorHigh");
   const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
   const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
-  const known = [...task.runs, ...bound.map((one) => ({ error: one.values }))].flatMap((run) => run.error).filter((value) => value !== null && value > 0);
-  const [low, high] = known.length ? [Math.min(...known) / 1.3, Math.max(...known) * 1.3] : [0.1, 10];
+  const [low, high] = task.errorAxis;
+  const stars = task.printed.map((one) => ({ ...one, method: task.runs[one.run].method, x: one.readings, y: one.share }));
 
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
@@ -47,11 +49,12 @@ function readingsSection(task) {
   };
   const left = curves({
     title: "Share of trials right", alt: "Accuracy against readings seen",
-    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy),
+    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy), stars,
   }, move);
   const right = curves({
     title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
     y: { kind: "log", low, high }, series: [...task.runs.map(error), ...bound],
+    levels: stars.filter((one) => one.error !== null).map((one) => ({ y: one.error, text: `the paper: ${one.error} mm` })),
   }, move);
   const values = h("tbody");
   const table = h("table", { class: "values" },
@@ -100,9 +103,29 @@ function readingsSection(task) {
   return section("Accuracy and error against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
     h("div", { class: "two" }, left.box, right.box),
-    h("p", { class: "hint" }, "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error." + (bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : "")),
+    h("p", { class: "hint" }, `${bandWords(task)}${bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : ""}${stars.length ? " Stars: what the paper prints." : ""}`),
+    task.notes.map((note) => h("p", { class: "hint" }, note)),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen reading", table));
+}
+
+const bandWords = (task) => (task.runs.some((run) => run.scans > 1)
+  ? "Bands: 95 % intervals over scans and trials."
+  : "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error.");
+
+// What the paper prints, beside what came out here.
+function paperSection(task) {
+  const heads = ["filter", "bins (Table I)", "the paper: right", "here, as early", "the paper: error, mm", `here, after ${task.readings}`];
+  const rows = task.printed.map((one) => {
+    const run = task.runs[one.run], k = one.readings - 1, last = task.readings - 1;
+    return h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label), h("td", {}, one.bins ?? MISSING),
+      h("td", {}, `${fixed(one.share, 2)} from ${one.readings} readings`),
+      h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
+      h("td", {}, one.error ?? MISSING), h("td", {}, fixed(run.error[last], 2), interval(run.errorLow[last], run.errorHigh[last], 2)));
+  });
+  return section("Beside what the paper prints", scrolling("The paper's figures and those found here",
+    h("table", { class: "values" }, h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
+    h("p", { class: "hint" }, "The paper pressed real letters by hand against a real pad; here both are simulated. It states what it reaches, not with which intervals."));
 }
 
 // Uncertainty and its calibration: regions of the pose, and the letter's probability. Methods without
@@ -163,8 +186,8 @@ function paretoSection(task, methods) {
   const common = (point) => ({ method: point.of.method, x: point.ms, budget: point.of.budget, text: words(point) });
   const left = errors.length > 0 && scatter({
     title: `Placement error after ${task.readings} readings, mm`, alt: "Computing time against placement error.", xName,
-    y: { kind: "log", low: Math.min(...errors) / 1.15, high: Math.max(...errors) * 1.15 },
-    points: placed.map((point) => ({ ...common(point), y: point.error, low: point.low, high: point.high, frontier: point.errorFrontier })),
+    y: { kind: "log", low: Math.max(Math.min(...errors) / 1.15, task.errorAxis[0]), high: Math.max(...errors) * 1.15 },
+    points: placed.map((point) => ({ ...common(point), y: Math.max(point.error, task.errorAxis[0]), low: point.low, high: point.high, frontier: point.errorFrontier })),
   });
   const right = scatter({
     title: "Readings until 95 % of the trials are and stay right", alt: "Computing time against readings needed.", xName,
@@ -215,6 +238,7 @@ function confusionSection(task) {
 function taskSections(task, protocol) {
   return [
     section("Headlines", headlineTable(task)),
+    task.printed.length > 0 && paperSection(task),
     task.runs.length > 1 && paretoSection(task, protocol.methods),
     readingsSection(task),
     certaintySection(task),

@@ -2,7 +2,9 @@
 
 // A table that scrolls sideways by itself, so that the page never does.
 function scrolling(label, table) {
-  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);
+  const box = h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);
+  whenSized(box, () => box.classList.toggle("wider", box.scrollWidth > box.clientWidth + 1));
+  return h("div", { class: "scroller" }, box, h("p", { class: "more", "aria-hidden": "true" }, "the table goes on to the right: scroll it →"));
 }
 
 const swatch = (method) => {
@@ -24,8 +26,8 @@ function headlineTable(task) {
   });
   const columns = [
     { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label, h("small", { class: "about", title: run.description }, run.description)] },
-    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letters`)] },
-    ...[5, 10].filter((k) => k < last).map(share),
+    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letters${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
+    ...[1, 2, 3, 5, 10].filter((k) => k < last).map(share),
     share(last),
     { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING, best: Math.min },
     { heading: "95 % settled by", value: (run) => run.settled95, cell: (run) => run.settled95 ?? MISSING, best: Math.min },
@@ -136,11 +138,12 @@ function confusionTable(run, reading) {
   );
 }
 
-// The learned maps of the letters, and the scale that they share.
+// The learned maps of the letters, each with its own scale.
 function mapSet(set) {
   const canvases = set.charts.map((chart) => {
     const canvas = h("canvas", { class: "map", role: "img", "aria-label": `Learned map of ${chart.letter}` });
-    return h("figure", { class: "chart small" }, h("figcaption", {}, chart.letter), canvas);
+    const limit = plain(chart.limit);
+    return h("figure", { class: "chart small" }, h("figcaption", {}, chart.letter, h("small", {}, `±${limit}, ${plain(chart.width)} mm wide`)), canvas);
   });
   const bar = h("canvas", { class: "scale", "aria-hidden": "true" });
   const draw = () => {
@@ -153,10 +156,9 @@ function mapSet(set) {
   };
   onTheme(draw);
   draw();
-  const limit = plain(set.limit);
   return [
     h("p", { class: "hint" }, `Learned by ${set.runs.join("; ")}.`),
     h("div", { class: "maps" }, canvases),
-    h("div", { class: "legend-bar" }, `−${limit}`, bar, `+${limit}`, h("span", {}, "log-odds less the prior's: below 0 free, 0 not touched, above 0 occupied")),
+    h("div", { class: "legend-bar" }, "−", bar, "+", h("span", {}, "log-odds less the prior's, each map to its own largest: below 0 free, 0 not touched, above 0 occupied")),
   ];
 }
