@@ -56,12 +56,17 @@ class Part(BaseModel):
 
 
 class Matrix(BaseModel):
-    """A resistive sheet between rows and columns of wire without guards, whose cross-talk is taken out of readings."""
+    """A resistive sheet between rows and columns of wire without guards, whose cross-talk is taken out of readings.
+
+    A row is driven and a column is read. With `idle = "free"` all other wires hang free, as behind two multiplexers;
+    with "ground" the other rows are at ground and every column has a resistor to ground, as on the pins of a
+    microcontroller.
+    """
 
     model_config = STRICT
 
-    least_kpa: float = Field(
-        0.1, gt=0, le=1e4, description="kPa: no cell conducts less than one that reads this alone"
+    idle: Literal["free", "ground"] = Field(
+        "free", description="where rows are that are not driven; with ground each column has its own resistor"
     )
     full_kpa: float | None = Field(
         None,
@@ -69,17 +74,33 @@ class Matrix(BaseModel):
         le=1e9,
         description="kPa that a short circuit reads, where a resistor to ground measures; none: currents are measured",
     )
+    least_kpa: float = Field(
+        0.1, gt=0, le=1e4, description="kPa: no cell conducts less than one that reads this alone"
+    )
+
+    @model_validator(mode="after")
+    def _measurable(self) -> Matrix:
+        if self.idle == "ground" and self.full_kpa is None:
+            raise ValueError(
+                "idle rows at ground matter only where resistors measure: state full_kpa, or leave [matrix] out"
+            )
+        return self
 
     def cells(self, read: FloatArray) -> FloatArray:
         """Find what each cell would read alone, from what is read of all, (rows, columns) kPa; see `core.matrix`."""
         if self.full_kpa is not None:  # V / V0 = Y R / (1 + Y R) of a conductance Y over a resistor R
-            read = read / (1 - np.clip(read / self.full_kpa, 0, _NEARLY_SHORT))
-        return unmixed(read, self.least_kpa)
+            # With rows at ground Y in the denominator is that of the whole column, whose readings' sum gives it.
+            whole = read.sum(axis=0) if self.idle == "ground" else read
+            read = read / (1 - np.clip(whole / self.full_kpa, 0, _NEARLY_SHORT))
+        return np.maximum(read, self.least_kpa) if self.idle == "ground" else unmixed(read, self.least_kpa)
 
     def read(self, cells: FloatArray) -> FloatArray:
         """Undo `cells`: what is read of cells (rows, columns) that would read this alone, kPa."""
-        read = mixed(np.maximum(cells, self.least_kpa))
-        return read if self.full_kpa is None else read / (1 + read / self.full_kpa)
+        cells = np.maximum(cells, self.least_kpa)
+        read = cells if self.idle == "ground" else mixed(cells)
+        if self.full_kpa is None:
+            return read
+        return read / (1 + (read.sum(axis=0) if self.idle == "ground" else read) / self.full_kpa)
 
 
 class Device(BaseModel):
