@@ -47,12 +47,15 @@ class Estimate:
     to 1, with NONE among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most
     probable T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose
     of that letter, from which covariance and regions are computed; None if the estimator does not say how sure it is.
+    unexplained: nats by which the readings are explained worse than those of training would be; 0 if they are not, or
+    the estimator does not say.
     """
 
     label: str
     probabilities: Mapping[str, float]
     robot_in_object: FloatArray
     samples: PoseSamples | None = None
+    unexplained: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,6 +103,10 @@ class LikelihoodField:
         )  # fmt: skip
         return log_p
 
+    def most(self, first: int = 0) -> float:
+        """Give an upper bound of log p of readings first and later, nats, for any letter and state."""
+        return float(self.terms.upper[self._readings] - self.terms.upper[first])
+
     def lattice(self, first: FloatArray, spacing: FloatArray) -> Lattice:
         """Lay out the tables for the planes of a grid of bins.
 

@@ -68,6 +68,10 @@ class RefinedFilter(GridFilter):
     trusted, and by how much the readings themselves disagree (`trust`). Halving ends, after the third time, when the
     smallest cells are about as large as the belief is wide.
 
+    Where the readings are explained worse, even by the best cell, than left-out training readings are, by u nats more
+    than chance explains, letters are told apart only by differences that are large beside u: their probabilities are
+    taken to the power 1 / (1 + u) (temperature scaling: Guo et al. 2017). Label and place do not change by it.
+
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
     cell that was split is worth the mean of its parts.
     """
@@ -79,7 +83,7 @@ class RefinedFilter(GridFilter):
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._evaluated = self._bounds = self._left_alone = self._unreplayed = 0
+        self._evaluated = self._bounds = self._left_alone = self._unreplayed = self._badly_explained = 0
 
     def _own_setup(self) -> str:
         """Say how the state space is split, in one line."""
@@ -107,7 +111,7 @@ class RefinedFilter(GridFilter):
         every = len(self.labels) * self.grid.bins
         # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
         self._leaves = np.array([every]), np.arange(every), np.zeros(every)
-        self._weight = self.trust(0)
+        self._weight, self._unexplained = self.trust(0), 0.0
 
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
@@ -123,6 +127,9 @@ class RefinedFilter(GridFilter):
         )
         self._leaves, self._weight = (end, left, left_log_p), weight
         self._weight = self.trust.given(len(self.field), self._influence())
+        missed = self.field.most() - float(left_log_p.max())
+        self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
+        self._badly_explained += self._unexplained > 0 and self.moving is None
         self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
 
@@ -139,9 +146,10 @@ class RefinedFilter(GridFilter):
         densest = int((weights.log + math.log(8) * some.times).argmax())
         return Estimate(
             label=self.labels[best],
-            probabilities=probabilities(self.labels, mass),
+            probabilities=probabilities(self.labels, mass ** (1 / (1 + self._unexplained))),
             robot_in_object=mean_around(some.states, weights.relative, densest),
             samples=pose_samples(some.states, weights, some.size),
+            unexplained=self._unexplained,
         )
 
     def certificate(self) -> Certificate:
@@ -173,11 +181,13 @@ class RefinedFilter(GridFilter):
     def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made.
 
-        bound_evaluations: of bins, made in order to skip bins.
+        bound_evaluations: of bins, made in order to skip bins. badly_explained: readings after which a sequence was
+        explained worse than training readings are.
         """
         return {
             "likelihood_evaluations": self._evaluated,
             "bound_evaluations": self._bounds,
+            "badly_explained": self._badly_explained,
             "skipped": {"bins": self._left_alone, "replays": self._unreplayed},
         }
 

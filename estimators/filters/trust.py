@@ -8,17 +8,40 @@ How much readings err is learned from those of training. Readings of a trial may
 trained, or less, between positions that lie well. They tell so themselves, by how far they disagree about the place:
 the infinitesimal jackknife (`jackknife`). With few readings they tell little. So the weight is that of training,
 corrected like a variance whose prior is worth a number of readings.
+
+Readings of another load, pad or object than those of training are explained badly, wherever the object is thought to
+be. Then no letter is like what is felt, and one that is less unlike than the others is not much more probable. `Misfit`
+says how badly left-out training readings are explained, and so what of a sequence nothing in training explains.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 # Sequences of few and of many readings are tried.
 FEW, MANY = 3, 20
 # What was learned of how much readings err counts as so many readings of a trial that tell it.
 _TRAINED = 20.0
+# So many standard deviations above its mean a sum of misfits is in one sequence of training in twenty.
+_BY_CHANCE = 1.645
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How badly a left-out training reading is explained where its object truly lies.
+
+    The misfit of a reading is what its log-likelihood lacks of the most that any prediction could give, nats. mean,
+    deviation: over training readings; nothing counts as badly explained if they are not known.
+    """
+
+    mean: float = math.inf
+    deviation: float = 0.0
+
+    def unexplained(self, readings: int, misfit: float) -> float:
+        """Give what of the misfit of a sequence, nats, left-out training readings would not have, chance included."""
+        by_chance = _BY_CHANCE * self.deviation * math.sqrt(readings)
+        return max(0.0, misfit - readings * self.mean - by_chance)
 
 
 @dataclass(frozen=True)
@@ -40,6 +63,7 @@ class Trust:
     few: float = 0.0
     many: float = 0.0
     longest: float = MANY
+    misfit: Misfit = field(default_factory=Misfit)
 
     def __call__(self, readings: int) -> float:
         """Give the weight of a sequence of so many readings, of one at least."""

@@ -34,7 +34,7 @@ from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.jackknife import influence_in_sequences
-from tactsim.estimators.filters.trust import FEW, MANY, Trust, shown_error
+from tactsim.estimators.filters.trust import FEW, MANY, Misfit, Trust, shown_error
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
@@ -57,11 +57,13 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = _some_labels(train)
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
-    errors, seen, longest = [], [], float(FEW)
+    errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
     for whole_positions in (False, True):
-        log_p = _left_out(likelihood, train, labels, states, whole_positions)
-        if log_p is None:
+        left_out = _left_out(likelihood, train, labels, states, whole_positions)
+        if left_out is None:
             return Trust()
+        log_p = [one.log_p for one in left_out]
+        misfits = np.concatenate([one.most - one.log_p[:, size.argmin()] for one in left_out])
         found = [_typical(log_p, count, shift, size, rng) for count in (FEW, MANY)]
         errors.append([one.error for one in found])
         seen.append([one.seen for one in found])
@@ -74,7 +76,8 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
     few_seen, many_seen = np.mean(seen, axis=0).tolist()
-    return Trust(own, growth, own / trained, few_seen, many_seen, longest)
+    misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
+    return Trust(own, growth, own / trained, few_seen, many_seen, longest, misfit)
 
 
 def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
@@ -90,9 +93,10 @@ def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
     found = []
     for model, touches in ((likelihood, train), (likelihood.of_load[-1], likelihood.last_images)):
-        log_p = _left_out(model, touches, labels, states, True)
-        if log_p is None:
+        left_out = _left_out(model, touches, labels, states, True)
+        if left_out is None:
             return 1 / len(likelihood.shares)
+        log_p = [one.log_p for one in left_out]
         found.append(_typical(log_p, FEW, shift, size, np.random.default_rng(0)).error)
     return found[1] / found[0]
 
@@ -100,6 +104,17 @@ def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
 def _some_labels(train: Scan) -> list[str]:
     """Choose objects to learn a weight from, in any order of the scan the same."""
     return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]
+
+
+@dataclass(frozen=True)
+class _LeftOut:
+    """What maps without some training readings of a letter say of them, in nats.
+
+    log_p: (readings, moves) at moved poses. most: (readings,) an upper bound of what any pose could give.
+    """
+
+    log_p: FloatArray
+    most: FloatArray
 
 
 @dataclass(frozen=True)
@@ -181,14 +196,15 @@ def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _left_out(
     likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray, whole_positions: bool
-) -> list[FloatArray] | None:
+) -> list[_LeftOut] | None:
     """Compute log p of training readings at moved poses, without themselves or all presses at their positions.
 
-    Returns an array (readings, moves) for each letter; None if the likelihood cannot leave readings out.
+    Returns what is found for each letter; None if the likelihood cannot leave readings out.
     """
     part = by_letter(folds if whole_positions else presses, train)
     known = touched_elsewhere(train, part)
     found: dict[str, list[FloatArray]] = {label: [] for label in labels}
+    most: dict[str, list[float]] = {label: [] for label in labels}
     for number in range(FOLDS):
         rest = likelihood.without(train, part == number, labels, whole_positions)
         if rest is None:
@@ -200,7 +216,8 @@ def _left_out(
                 evidence = rest.evidence_of(train, int(k)).of_taxels(known[k])
                 field.append(evidence, np.array(train.poses[k]))
                 found[label].append(field.log_p(letter, states, len(field) - 1))
-    return [np.array(some) for some in found.values()]
+                most[label].append(field.most(len(field) - 1))
+    return [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]
 
 
 def _sequences(
