@@ -146,6 +146,12 @@ class Run:
         return self.summary["recovered_within_3"]
 
     @property
+    def badly_explained(self) -> str | None:
+        """Say it if many of the readings were explained worse than those of training; None if few were."""
+        share = self.work.get("badly_explained", 0) / self.trials.label.size
+        return f"{share:.0%} of the readings are {BADLY_EXPLAINED}" if share > _OFTEN else None
+
+    @property
     def confusion(self) -> dict[str, dict[str, int]]:
         """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
         return self.summary["confusion"]
@@ -385,6 +391,8 @@ class Run:
 
 
 SCHEMA = 3
+BADLY_EXPLAINED = "explained worse than the training's: lighter presses, another pad, an unknown object?"
+_OFTEN = 0.25  # a share of the readings that neither chance nor a rough world reaches
 SHAPES = "shapes"  # a run's folder of the files of the user's own shapes
 _LARGEST_TABLE = 1 << 30  # bytes
 

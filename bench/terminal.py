@@ -164,6 +164,8 @@ def headline(run: Run) -> list[str]:
         lines[-1] += f"; the paper, on a real pad: {printed.words}"
     if run.config.get("hold_out"):
         lines.append(_refused(run))
+    if run.badly_explained is not None:
+        lines.append(run.badly_explained)
     return lines
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tactsim.bench.placement import Properties, certainty, placement_error, properties
 from tactsim.bench.report.outlines import outline
+from tactsim.bench.results import BADLY_EXPLAINED
 from tactsim.bench.watching.pad_view import taxels_of
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.touch_leader import Leading, LiveView
@@ -76,6 +77,8 @@ class Told:
             return parts
         if values["within_mm"] is not None:
             parts.append(f"90 % sure of its place within {values['within_mm']:.2f} mm")
+        if belief.estimate.unexplained:
+            parts.append(f"the touches are {BADLY_EXPLAINED}")
         if self.truth is not None:
             parts.append(self._verdict(values))
         if values["delay_ms"] is not None:
@@ -83,7 +86,10 @@ class Told:
         return parts
 
     def json_of(self, belief: Belief) -> dict[str, Any]:
-        """Describe a belief by numbers: mm, rad, ms. within_mm: radius about the estimate that holds 90 % of it."""
+        """Describe a belief by numbers: mm, rad, ms.
+
+        unexplained: nats, see `Estimate`. within_mm: radius about the estimate that holds 90 % of the belief.
+        """
         estimate = belief.estimate
         values: dict[str, Any] = {"touch": len(belief.touches)}
         if estimate is None:
@@ -95,6 +101,7 @@ class Told:
             "probabilities": {label: float(p) for label, p in estimate.probabilities.items()},
             "robot_in_object": numbers(estimate.robot_in_object, 4),
             "sensor_in_robot": numbers(belief.touches[-1].sensor_in_robot, 4),
+            "unexplained": round(float(estimate.unexplained), 3),
             "within_mm": None if sure is None else round(float(sure.radius), 3),
             "delay_ms": None if belief.delay is None else round(1e3 * belief.delay, 1),
         }

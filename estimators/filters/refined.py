@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core import Scan
@@ -24,7 +26,7 @@ from tactsim.estimators.filters.states import (
     pose_samples,
     probabilities,
 )
-from tactsim.estimators.filters.trust import Trust
+from tactsim.estimators.filters.trust import Misfit, Trust
 from tactsim.estimators.filters.trust_learning import learn_trust
 from tactsim.estimators.options import MODELS, OpenSetOptions
 
@@ -104,6 +106,8 @@ class RefinedFilter(GridFilter):
     def _learn(self, scan: Scan) -> None:
         """Learn how much a sequence of readings counts."""
         self.trust = learn_trust(self.likelihood, scan)
+        if self.options.halvings < _AT_LEAST:  # the middle of a coarse bin explains no reading well
+            self.trust = replace(self.trust, misfit=Misfit())
 
     def _reset(self, rng: np.random.Generator) -> None:
         self._coarse.reset()
@@ -137,7 +141,7 @@ class RefinedFilter(GridFilter):
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
         cells, weights = self._belief_in_cells()
         letter, log_weight = cells.letter, weights.log
-        mass = letter_mass(letter, weights, len(self.labels))
+        mass = self._letter_mass(letter, weights)
         best = int(mass.argmax())
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
@@ -146,7 +150,7 @@ class RefinedFilter(GridFilter):
         densest = int((weights.log + math.log(8) * some.times).argmax())
         return Estimate(
             label=self.labels[best],
-            probabilities=probabilities(self.labels, mass ** (1 / (1 + self._unexplained))),
+            probabilities=probabilities(self.labels, mass),
             robot_in_object=mean_around(some.states, weights.relative, densest),
             samples=pose_samples(some.states, weights, some.size),
             unexplained=self._unexplained,
@@ -174,7 +178,10 @@ class RefinedFilter(GridFilter):
         _, row, column = cells.bins()
         shape = len(self.labels), self.grid.y, self.grid.x
         place = np.ravel_multi_index((cells.letter, row, column), shape)
-        probability = np.bincount(place, weights.relative, minlength=math.prod(shape)).reshape(shape)
+        mass = letter_mass(cells.letter, weights, len(self.labels))
+        tempered = self._letter_mass(cells.letter, weights) / np.where(mass > 0, mass, 1)
+        held = np.bincount(place, weights.relative, minlength=math.prod(shape))
+        probability = held.reshape(shape) * tempered[:, None, None]
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
@@ -190,6 +197,10 @@ class RefinedFilter(GridFilter):
             "badly_explained": self._badly_explained,
             "skipped": {"bins": self._left_alone, "replays": self._unreplayed},
         }
+
+    def _letter_mass(self, letter: NDArray[np.int64], weights: Weights) -> FloatArray:
+        """Sum the belief of each letter (letters,), tempered as far as the readings are explained badly."""
+        return np.asarray(letter_mass(letter, weights, len(self.labels)) ** (1 / (1 + self._unexplained)))
 
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""

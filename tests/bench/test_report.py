@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from made_up import make_run
 from small_runs import make_run_in
 
+import tactsim
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
 from tactsim.bench.placement import Properties, placement_error
@@ -25,10 +26,11 @@ from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_c
 from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look, readings_figure
 from tactsim.bench.report.press_picture import images_shown
-from tactsim.bench.report.write import write_report
+from tactsim.bench.report.write import write_pages, write_report
 from tactsim.bench.runs.naming import budget, collect, method_name, task_name
 from tactsim.bench.runs.pooled import figure_of, pool
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
+from tactsim.bench.terminal import headline
 from tactsim.bench.trials import OneTrial, Trials
 from tactsim.core import Scan, invert
 from tactsim.core.errors import InputError
@@ -478,6 +480,20 @@ def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, c
     assert len(remarks) == 1
     assert "gone.npz" in remarks[0]
     assert data_of(written[0])["protocols"][0]["recognitions"] == []
+
+
+def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path):
+    words = {"letters": ["A", "E", "I"], "estimator": "refined", "trials": 2, "readings": 10}
+    known, unknown = tactsim.run(**words), tactsim.run(**words, hold_out=["A", "E"])
+    assert known.badly_explained is None
+    share = unknown.work["badly_explained"] / 60
+    line = f"{share:.0%} of the readings are explained worse than the training's: lighter presses, another pad, an "
+    assert unknown.badly_explained == f"{line}unknown object?"
+    assert unknown.badly_explained in headline(unknown)
+    _, remarks = write_pages([(tmp_path / "unknown", unknown)], tmp_path / "report.html")
+    assert [one for one in remarks if "explained" in one] == [
+        f"refined, 5,000 bins: {unknown.badly_explained}"
+    ]
 
 
 def test_a_configuration_of_another_version_is_shown_but_not_done_again(runs, copied, tmp_path):

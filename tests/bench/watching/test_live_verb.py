@@ -22,6 +22,7 @@ from tactsim.core.reading import Reading
 from tactsim.estimators import create
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Plan
+from tactsim.press import ScanOptions, scan_letters
 
 POSE = (0.0, 4.0, 0.0)
 SMALL = ["--estimator", "histogram", "--set", "bins=1000"]
@@ -72,6 +73,19 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     assert 0 <= last["error_mm"] < 10
     assert len({tuple(one["sensor_in_robot"]) for one in said}) == 3
     assert all(one["delay_ms"] > 0 for one in said)
+    assert all(one["unexplained"] >= 0 for one in said)
+
+
+@pytest.mark.long
+def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(here, tmp_path):
+    scan_letters(ScanOptions(letters=("I", "L")))[0].save(tmp_path / "il.npz")
+    result = here(
+        "live", "--port", "simulated:O@2,1,0.3", "--train-scan", str(tmp_path / "il.npz"), "--readings", "10"
+    )
+    assert result.returncode == 0, result.stderr
+    assert (
+        "the touches are explained worse than the training's: lighter presses, another pad" in result.stdout
+    )
 
 
 @pytest.mark.long

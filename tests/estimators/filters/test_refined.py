@@ -275,3 +275,23 @@ def test_readings_that_disagree_about_the_place_count_less_than_readings_that_ag
             said.append(estimator._weight / estimator.trust(len(readings)))
         ratio[misplaced] = np.mean(said)
     assert ratio[1.0] < 0.8 < ratio[0.0] < 1.5
+
+
+def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty(small):
+    # E, I and L are known; T is felt, which is explained worse the more is felt of it.
+    estimator = fitted(small, bins=2000)
+    unlike = make_scan("T", poses=paper_poses(positions=4, angles=12))
+    unexplained = {"E": [], "T": []}
+    for seed in range(6):
+        for letter, scan in (("E", small), ("T", unlike)):
+            readings, poses, _ = draw_trial(scan, letter, 12, np.random.default_rng(seed))
+            known = updated(estimator, readings, poses).estimate()
+            unexplained[letter].append(known.unexplained)
+            cells, weights = estimator._belief_in_cells()
+            mass = np.array([weights.relative[cells.letter == one].sum() for one in range(3)])
+            expected = mass ** (1 / (1 + known.unexplained))
+            assert list(known.probabilities.values()) == pytest.approx(expected / expected.sum())
+            assert known.label == LETTERS[mass.argmax()]
+    assert np.median(unexplained["E"]) == 0
+    assert min(unexplained["T"]) > 10
+    assert estimator.work["badly_explained"] >= 6

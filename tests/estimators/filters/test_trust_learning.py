@@ -42,7 +42,12 @@ def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0, sigma=(0.4, 0.4,
         error = 1 / (1 - share) if whole_positions else 1 - share
         seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * math.sqrt(error)
         whitened = place @ whiten.T
-        return [-too_sure * ((whitened[None] - one[:, None]) ** 2).sum(axis=2) / 2 for one in seen]
+        return [
+            trust_learning._LeftOut(
+                -too_sure * ((whitened[None] - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
+            )
+            for one in seen
+        ]
 
     return left_out
 
@@ -80,10 +85,11 @@ def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, 
         shift, _, _ = trust_learning._moves(np.zeros(2))
         place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
         used, counts = (seen[-1:], 1.0) if model is last else (seen, likelihood.counts)
-        return [
+        log_p = (
             counts * sum(-((place - at[:, None]) ** 2).sum(axis=2) / (2 * 0.4**2) for at in used[:, letter])
             for letter in range(len(LETTERS))
-        ]
+        )
+        return [trust_learning._LeftOut(of_letter, np.zeros(READINGS)) for of_letter in log_p]
 
     monkeypatch.setattr(trust_learning, "_left_out", left_out)
     effective = moments / (1 + (moments - 1) * shared)
@@ -131,8 +137,9 @@ def test_with_few_training_readings_growth_is_that_of_the_sequences_there_are(mo
         used = min(len(log_p[0]), count)
         return trust_learning._Typical(1.5 + 0.8 * math.log(used), 0.9 - 0.3 / used, used)
 
+    nothing_known = trust_learning._LeftOut(np.zeros((readings, trust_learning._MOVES)), np.zeros(readings))
     monkeypatch.setattr(trust_learning, "_typical", typical)
-    monkeypatch.setattr(trust_learning, "_left_out", lambda *ignored: [np.zeros((readings, 2))])
+    monkeypatch.setattr(trust_learning, "_left_out", lambda *ignored: [nothing_known])
     learned = learn_trust(None, SCAN)
     if readings <= trust_learning.FEW:
         assert learned.growth == 0
@@ -240,7 +247,13 @@ def test_the_jackknife_sees_all_of_a_normal_error(monkeypatch, too_sure):
 
 def test_one_reading_of_a_letter_tells_nothing_of_how_readings_disagree(monkeypatch):
     whole = gaussian(np.random.default_rng(1), 2.0)
-    monkeypatch.setattr(trust_learning, "_left_out", lambda *of: [one[:1] for one in whole(*of)])
+
+    def one_reading(left_out):
+        return trust_learning._LeftOut(left_out.log_p[:1], left_out.most[:1])
+
+    monkeypatch.setattr(
+        trust_learning, "_left_out", lambda *of: [one_reading(left_out) for left_out in whole(*of)]
+    )
     learned = learn_trust(None, SCAN)
     assert learned.few == learned.many == 0
     assert learned.given(9, 5.0) == learned(9)
@@ -297,3 +310,23 @@ def test_readings_are_summed_and_mirrored_ones_with_every_move_the_other_way():
     for found, which, turned in zip(sums_of_readings(log_p, drawn, mirrored), drawn, mirrored, strict=True):
         expected = sum((other_way if turned[k] else log_p)[which[k]] for k in range(5))
         assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("too_sure", [1.0, 3.0])
+def test_the_misfit_of_a_normal_error_is_half_a_chi_squared(monkeypatch, too_sure):
+    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
+    misfit = learn_trust(None, SCAN).misfit
+    assert misfit.mean == pytest.approx(1.5 * too_sure, rel=0.1)  # of three degrees of freedom
+    assert misfit.deviation == pytest.approx(math.sqrt(1.5) * too_sure, rel=0.1)
+
+
+def test_one_sequence_of_training_in_twenty_is_badly_explained():
+    rng, misfit = np.random.default_rng(3), trust_learning.Misfit(9.0, 5.0)
+    sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
+    assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
+    assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))
+
+
+def test_without_left_out_readings_nothing_counts_as_badly_explained(monkeypatch):
+    monkeypatch.setattr(trust_learning, "_left_out", lambda *_: None)
+    assert learn_trust(None, SCAN).misfit.unexplained(5, 1e9) == 0
