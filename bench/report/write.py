@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
@@ -16,11 +17,14 @@ from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import readings_of, replay_all
 from tactsim.bench.results import Run, load
-from tactsim.bench.runs.naming import collect
+from tactsim.bench.runs.naming import Group, collect
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.files import opened, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _KINDS = ("png", "svg", "pdf")
 
@@ -67,7 +71,8 @@ def write_pages(
     scans: dict[str, Scan] = {}
     groups = collect(((folder, _with_bounds(run, scans)) for folder, run in runs), pool_seeds=not each_seed)
     prefix = "" if out.stem == "report" else f"{out.stem}-"
-    _check_beside(out, prefix, len(groups))
+    pictures = _pictures(groups)
+    _check_beside(out, prefix, [names for names, *_ in pictures])
     replayed, failed = replay_all(groups, scans, progress=progress)
     remarks = [*remarks]
     for label, run in ((entry.label, entry.run) for group in groups for entry in group.entries):
@@ -78,17 +83,13 @@ def write_pages(
     for name, content in tables(groups, replayed).items():
         written.append(out.with_name(f"{prefix}{name}.csv"))
         write_text(written[-1], content)
-    from tactsim.bench.report.picture import pareto_figure, readings_figure, save
+    from tactsim.bench.report.picture import save
 
-    for number, group in enumerate(groups, start=1):
-        # The folder of a run has a readings.png of its own.
-        kinds = _KINDS if has_curves(group) else _KINDS[1:]
-        for name, draw in (("pareto", pareto_figure), ("readings", readings_figure)):
-            if name == "readings" or has_curves(group):
-                figure = draw(group)
-                for kind in kinds:
-                    written.append(out.with_name(f"{prefix}{_numbered(name, number)}.{kind}"))
-                    save(figure, written[-1])
+    for names, draw, group in pictures:
+        figure = draw(group)
+        for name in names:
+            written.append(out.with_name(f"{prefix}{name}"))
+            save(figure, written[-1])
     moving = next((one.scan for one in replayed if one.scan.sequence is not None), None)
     if moving is not None:
         from tactsim.bench.report.press_picture import press_figure
@@ -115,22 +116,33 @@ def _with_bounds(run: Run, scans: dict[str, Scan]) -> Run:
     return replace(run, bounds=bounds)
 
 
-def _numbered(name: str, number: int) -> str:
-    """Name a picture of the section of this number, from 1."""
-    return name if number == 1 else f"{name}-{number}"
+def _pictures(groups: Sequence[Group]) -> Sequence[tuple[list[str], Callable[[Group], Figure], Group]]:
+    """List the pictures of a report: the names of their files, what draws them, and of which section.
+
+    Where no method has several budgets there is no PNG: the folder of a run has a readings.png of its own.
+    """
+    from tactsim.bench.report.picture import pareto_figure, readings_figure
+
+    pictures = []
+    for number, group in enumerate(groups, start=1):
+        kinds = _KINDS if has_curves(group) else _KINDS[1:]
+        drawn = [("pareto", pareto_figure)] * has_curves(group) + [("readings", readings_figure)]
+        for name, draw in drawn:
+            section = name if number == 1 else f"{name}-{number}"
+            pictures.append(([f"{section}.{kind}" for kind in kinds], draw, group))
+    return pictures
 
 
-def _check_beside(out: Path, prefix: str, sections: int) -> None:
+def _check_beside(out: Path, prefix: str, pictures: Sequence[Sequence[str]]) -> None:
     """Raise InputError if a file stands where one of a report would be, and no report stands there.
 
-    A report that was killed has its curves, whose columns are known, and no page yet.
+    pictures: names of files. A report that was killed has its curves, whose columns are known, and no page yet.
     """
     check_page(out)
     if is_report(out) or _has_columns(out.with_name(f"{prefix}readings.csv"), COLUMNS["readings"]):
         return
-    pictures = [_numbered(name, k) for k in range(1, sections + 1) for name in ("pareto", "readings")]
     names = [f"{name}.csv" for name in COLUMNS]
-    names += [f"{name}.{kind}" for name in (*pictures, "press") for kind in _KINDS]
+    names += [*(name for of_one in pictures for name in of_one), *(f"press.{kind}" for kind in _KINDS)]
     for place in (out.with_name(f"{prefix}{name}") for name in names):
         if place.exists():
             raise InputError(
