@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tactsim.models import Letter
-    from tactsim.press.attached_pad import AttachedPad, attach
+    from tactsim.press.attached_pad import AttachedPad, attach, bind
     from tactsim.press.engine import Press, press_letter
     from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.press_model import PressModel, forward_model
@@ -42,6 +42,7 @@ _HOME = {
     "PadReading": "pad_reader",
     "PressModel": "press_model",
     "attach": "attached_pad",
+    "bind": "attached_pad",
     "forward_model": "press_model",
     "PressOptions": "scan_options",
     "ScanOptions": "scan_options",
@@ -63,6 +64,7 @@ __all__ = [
     "ScanOptions",
     "SensorOptions",
     "attach",
+    "bind",
     "forward_model",
     "press_letter",
     "scan_letters",

@@ -23,6 +23,9 @@ from tactsim.press.pad_reader import Layer, PadReader, touchable
 from tactsim.press.pad_relief import relief_surface
 from tactsim.press.pad_surface import pad_surface
 
+_THIN = 1.0  # mm between two arrays, below which they are on each other
+_WITHIN = 0.01  # mm from an array's rim to the first of the points that may not lie on another array
+_ACROSS = 50  # of these points
 _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 
 
@@ -80,10 +83,12 @@ class AttachedPad:
         x_low, x_high, y_low, y_high = self.pad.load_bounds
         free = np.minimum(np.array([x_low, y_low]) - surface.low, surface.high - np.array([x_high, y_high]))
         if (free < -1e-9).any():
+            over_end = model.geom_type[first] == mujoco.mjtGeom.mjGEOM_CAPSULE and len(geoms) == 1
+            hint = " (one over the round end looks along the capsule's axis)" if over_end else ""
             raise InputError(
                 f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {what} from "
                 f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
-                "about the pad's middle: choose a smaller pad"
+                f"about the pad's middle: choose a smaller pad{hint}"
             )
         _refuse_unfelt(model, geoms)
         return PadReader(model, geoms, self.pad, surface, self.layer)
@@ -134,6 +139,40 @@ def attach(
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
     return AttachedPad(geoms, name, pad, direction, _vector(at, 2, "at"), layer)
+
+
+def bind(model: mujoco.MjModel, pads: Sequence[AttachedPad]) -> list[PadReader]:
+    """Bind several pads to the compiled model, as `AttachedPad.bind` does each.
+
+    Raises InputError also if two arrays overlap on one body.
+    """
+    readers = [pad.bind(model) for pad in pads]
+    for index, reader in enumerate(readers):
+        for number, other in enumerate(readers[:index]):
+            if _overlap(reader, other) or _overlap(other, reader):
+                body = model.body(model.geom_bodyid[reader.geom]).name
+                raise InputError(
+                    f"the arrays of pads {number} and {index} overlap on body {body!r}: shift one by `at`, turn it by "
+                    "`normal`, or give both as one array"
+                )
+    return readers
+
+
+def _overlap(reader: PadReader, other: PadReader) -> bool:
+    """Tell whether some of a lattice of points on one array lies on another one on the same body."""
+    model = reader.model
+    if model.geom_bodyid[reader.geom] != model.geom_bodyid[other.geom]:
+        return False
+    x_low, x_high, y_low, y_high = np.array(reader.pad.load_bounds) + _WITHIN * np.array([1, -1, 1, -1])
+    u, v = np.linspace(x_low, x_high, _ACROSS), np.linspace(y_low, y_high, _ACROSS)
+    lines = reader.surface.lines(np.tile(u, _ACROSS), np.repeat(v, _ACROSS))
+    (axes, origin), (other_axes, other_origin) = (each.frame_in_body() for each in (reader, other))
+    points = (lines.points[lines.area > 0] @ axes.T + origin - other_origin) @ other_axes
+    laid = other.surface.place(points)
+    below = other.surface.lines(*np.ascontiguousarray(np.clip(laid, other.surface.low, other.surface.high).T))
+    x_low, x_high, y_low, y_high = other.pad.load_bounds
+    inside = ((laid > [x_low, y_low]) & (laid < [x_high, y_high])).all(axis=1)
+    return bool((inside & (np.abs(points - below.points).max(axis=1) < _THIN)).any())
 
 
 def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:

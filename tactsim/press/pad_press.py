@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types
+from numba import boolean, float64, int64, types
 
 from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
@@ -27,6 +27,11 @@ _SEARCHES = 12
 _POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
 _GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
+_RIM = 0.25  # mm from the face's rim within which a contact point may lie
+_OFF = 2.0  # mm from the face within which one is on it, as MuJoCo lets bodies overlap
+_FACING = (
+    0.7  # a load along which the face's normal has a smaller part presses the rim or another side of the geom
+)
 _NONE = 1e-300  # N
 _MM = 1e3  # mm in a metre
 _HELD = 1e-9  # rad for a unit of all joints, below which they do not turn a body
@@ -236,6 +241,27 @@ def edges(low: float, high: float, cells: int) -> Reals:
     return lines
 
 
+@compiled(boolean(FACE, LOAD), called_from_python=False)
+def beside(face: Face, load: Load) -> bool:
+    """Tell whether all contact points are beside the face: on another side of the geom, or past its rim."""
+    points, way = load.points, load.direction
+    laid = place(face, points)
+    u, v = np.empty(9), np.empty(9)
+    for i in range(len(points)):
+        for j in range(9):
+            u[j] = min(max(laid[i, 0] + (j % 3 - 1) * _RIM, face.low[0]), face.high[0])
+            v[j] = min(max(laid[i, 1] + (j // 3 - 1) * _RIM, face.low[1]), face.high[1])
+        lines = lay_lines(face, u, v, 1.0, 1.0)
+        for j in range(9):
+            normal, off = (
+                lines.normals[j if len(lines.normals) > 1 else 0],
+                ((lines.points[j] - points[i]) ** 2).sum(),
+            )
+            if lines.area[j] > 0 and off < _OFF * _OFF and (normal * way).sum() >= _FACING:
+                return False
+    return True
+
+
 @compiled(types.Tuple((CARRIED, float64))(FACE, SPRINGS, BODY, POSE, LOAD), called_from_python=False)
 def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
     """Let the layer carry a load: what it carries, and how far it gives way, mm.
@@ -249,6 +275,8 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
     high = np.minimum(np.maximum(high + _MARGIN, face.low), face.high)
     middle = place(face, load.centre.reshape(1, 3))[0]
     carried = Carried(np.zeros((1, 1)), np.zeros((2, 1)), low[:1].copy(), low[:1].copy())
+    if beside(face, load):
+        return carried, 0.0
     for _ in range(_SEARCHES):
         if (high <= low).any():
             break

@@ -145,6 +145,13 @@ class PadReader:
         ]
         return {body: felt[body] for body in sleeps}
 
+    def frame_in_body(self) -> tuple[FloatArray, FloatArray]:
+        """Return where the pad is in its body's frame: rotation (3, 3) and its middle (3,) mm."""
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, self.model.geom_quat[self.geom])
+        geom = turned.reshape(3, 3)
+        return geom @ self.surface.axes, self.model.geom_pos[self.geom] * _MM + geom @ self.surface.origin
+
     def frame(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """Return where the pad is in the world: rotation (3, 3) and its middle (3,) m."""
         geom = data.geom_xmat[self.geom].reshape(3, 3)
@@ -195,20 +202,18 @@ class PadReader:
         self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
     ) -> PadReading:
         """Let the layer carry a load. No taxel feels one that acts on the geom beside the face."""
-        image, inside, force = np.zeros((self.pad.rows, self.pad.columns)), 0.0, load.press.force
-        if self.surface.curved or load.press.direction[2] >= _FACING:
-            body, pose = self._body(load, loads, data, rotation, origin)
-            inside, sunk = press(
-                self.surface.face, self._springs, body, pose, load.press, self._taxels, image
+        image, force = np.zeros((self.pad.rows, self.pad.columns)), load.press.force
+        body, pose = self._body(load, loads, data, rotation, origin)
+        face = self.surface.face
+        inside, sunk = press(face, self._springs, body, pose, load.press, self._taxels, image)
+        if sunk > face.depth and inside > force / 2 and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"the layer on geom {self.model.geom(self.geom).name!r} gives way by {sunk:.3g} mm under "
+                f"{force:.3g} N, by more than its geom is thick ({face.depth:.3g} mm): "
+                "give it a larger stiffness",
+                stacklevel=3,
             )
-            if sunk > self.surface.face.depth and not self._warned:
-                self._warned = True
-                warnings.warn(
-                    f"the layer on geom {self.model.geom(self.geom).name!r} gives way by {sunk:.3g} mm under "
-                    f"{force:.3g} N, by more than its geom is thick ({self.surface.face.depth:.3g} mm): "
-                    "give it a larger stiffness",
-                    stacklevel=3,
-                )
         kpa = _KPA / self._area * np.maximum(image.ravel(), 0)
         shear_kpa = np.outer(kpa, load.shear[:2] / force)
         return PadReading(kpa, shear_kpa, force, force - inside, load.shear, len(load.press.points))

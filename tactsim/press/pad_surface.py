@@ -96,11 +96,6 @@ class PadSurface:
         """Give the (u, v) of the surface below points (k, 3) mm of the pad's frame: (k, 2) mm."""
         return place(self.face, np.ascontiguousarray(points))
 
-    @property
-    def curved(self) -> bool:
-        """Whether the face is curved."""
-        return self.face.kind != FLAT
-
 
 def _face(kind: int, size: FloatArray | float, low: FloatArray, high: FloatArray, depth: float) -> Face:
     """Describe a face that is no relief."""

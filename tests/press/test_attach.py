@@ -328,13 +328,18 @@ def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
         assert errors(reading.kpa, image(pad, pressure))[1] < 0.01
 
 
+@pytest.mark.parametrize("kind", ["sphere", "capsule"])
 @pytest.mark.parametrize("stiffness", [200.0, 1000.0, 20_000.0])
-def test_a_round_finger_on_a_plane_is_the_closed_form(stiffness):
-    """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1)."""
+def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
+    """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1).
+
+    So is the tip of a capsule that stands on its end, with the pad wrapped over it.
+    """
     radius, stiff = 12.0, stiffness / 1e3
-    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="1 1 1"/>
+    shape = {"sphere": 'size=".012"', "capsule": 'size=".012 .02" pos="0 0 .02"'}[kind]
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="1 1 1"/>
         <body pos="0 0 .0121"><joint type="slide" axis="0 0 1"/>
-              <geom name="tip" type="sphere" size=".012" mass=".3"/></body>
+              <geom name="tip" type="{kind}" {shape} mass=".3"/></body>
         </worldbody></mujoco>""")
     pad = Pad(unread_columns=0)
     reader = tactsim.press.attach(spec, "tip", pad, normal=(0, 0, -1), stiffness=stiffness).bind(
@@ -490,6 +495,12 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
             {"normal": (1, 0, 1)},
             "geom 'capsule' is a capsule: its pad's normal lies across its axis z or",
         ),
+        (
+            "capsule",
+            {"pad": Pad(rows=30)},
+            "the pad reaches from (-7.7, -28.45) to (7.7, 28.45) mm and geom 'capsule' from (-13.5, -20) to (13.5, 20) "
+            "mm about the pad's middle: choose a smaller pad (one over the round end looks along the capsule's axis)",
+        ),
         ("box", {"normal": (0, 0, 0)}, "normal is (0, 0, 0); it is the direction in which the pad looks"),
         ("box", {"normal": (0, 1)}, "normal has shape (2,); it is 3 numbers"),
         ("box", {"at": (0, np.nan)}, "at"),
@@ -521,6 +532,56 @@ def test_a_model_without_the_geom_is_one_line():
         tactsim.press.attach("hand.xml", "box")
     with pytest.raises(InputError, match="unknown geom 'bix': did you mean 'box'"):
         tactsim.press.attach(spec.compile(), "bix")
+
+
+@pytest.mark.parametrize(
+    ("geom", "one", "other", "overlap"),
+    [
+        ("box", {"at": (-4, 0)}, {"at": (4, 0)}, True),
+        ("box", {"at": (-8, 0)}, {"at": (8, 0)}, False),
+        ("box", {"at": (0, 5.63)}, {"at": (0, -5.63)}, True),
+        ("box", {"at": (0, 5.65)}, {"at": (0, -5.65)}, False),  # side by side
+        ("box", {}, {"normal": (0, 0, -1)}, False),
+        ("box", {"pad": Pad(rows=2, columns=2)}, {}, True),  # the one within the other
+        ("capsule", {}, {"normal": (-1, 0, 0)}, False),
+        ("capsule", {}, {"normal": (0, 1, 0)}, True),
+        ("palm", {}, {"normal": (1, 0, 0)}, False),
+    ],
+)
+def test_arrays_that_overlap_on_one_body_are_one_line(geom, one, other, overlap):
+    spec = mujoco.MjSpec.from_string(SCENE)
+    pads = [tactsim.press.attach(spec, geom, **each) for each in (one, other)]
+    model = spec.compile()
+    if not overlap:
+        readers = tactsim.press.bind(model, pads)
+        assert [reader.geom for reader in readers] == [pad.bind(model).geom for pad in pads]
+        return
+    with pytest.raises(InputError) as error:
+        tactsim.press.bind(model, pads)
+    body = {"box": "palm", "capsule": "bone"}[geom]
+    assert str(error.value).startswith(
+        f"the arrays of pads 0 and 1 overlap on body {body!r}: shift one by `at`"
+    )
+    assert "\n" not in str(error.value)
+
+
+def test_a_mesh_that_is_not_closed_is_its_convex_hull():
+    """As in MuJoCo's collision: five sides of a box carry a pad, also over the open one."""
+    corners = (
+        "-.01 -.01 0 .01 -.01 0 .01 .01 0 -.01 .01 0 -.01 -.01 .01 .01 -.01 .01 .01 .01 .01 -.01 .01 .01"
+    )
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><asset><mesh name="m" inertia="shell" vertex="{corners}"
+          face="0 3 2 0 2 1 0 4 7 0 7 3 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6"/></asset><worldbody>
+        <body name="shell"><geom type="mesh" mesh="m"/></body>
+        <body pos=".001 0 .0151"><joint type="slide" axis="0 0 1"/><geom size=".005" mass=".2"/></body>
+        </worldbody></mujoco>""")
+    reader = tactsim.press.attach(spec, "shell", PAD).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
+    assert errors(reading.kpa, image(PAD, ball(reading.force, 5, 1, 0)))[1] < 0.01
 
 
 def test_what_is_known_is_named_once():
