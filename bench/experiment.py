@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+
 from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.machine import machine, peak_memory_mb, versions
 from tactsim.bench.placement import Placement, load_scan, properties, stated_properties
@@ -38,10 +40,11 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
-from tactsim.estimators import Estimator, Options, create
+from tactsim.estimators import Estimator, Options, create, names
 from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.registry import load
 from tactsim.press import forward_model, scan_letters
 from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
@@ -90,7 +93,7 @@ def perform(
     """
     start = perf_counter()
     if estimator is None:
-        fitted = create(config.estimator, **config.options)  # a wrong option is reported before the work
+        fitted = estimator_of(config)  # a wrong option is reported before the work
     else:
         config, fitted = _with_estimator(config, estimator), estimator
     check_estimator(config, fitted)
@@ -129,6 +132,21 @@ def _learned(estimator: Estimator) -> Mapping[str, Any]:
     from tactsim.estimators.space.space_field import surfaces_of
 
     return surfaces_of(estimator)
+
+
+def estimator_of(config: Config) -> Estimator:
+    """Create the estimator that a configuration names. Raises InputError, which says whose an option is."""
+    for name, usual in (("bins", "histogram"), ("particles", "particle")):
+        if getattr(config, name, None) is None or name in load(config.estimator).options_type.model_fields:
+            continue
+        in_space = load(config.estimator).in_space
+        others = [other for other in names() if other != usual and load(other).in_space == in_space]
+        others = [other for other in others if name in load(other).options_type.model_fields]
+        raise InputError(
+            f"--{name} (in Python {name}): estimator {config.estimator} has none; add --estimator {usual}, or one of "
+            f"{', '.join(others)}"
+        )
+    return create(config.estimator, **config.options)
 
 
 def check_estimator(config: Config, estimator: Estimator) -> None:
@@ -346,6 +364,7 @@ def finished_run(
             "scan": gathered.seconds,
             **(seconds or {}),
             "update_per_reading": float(trials.update_s.mean()),
+            "update_p99": float(np.quantile(trials.update_s, 0.99)),
             "estimate_per_reading": float(trials.estimate_s.mean()),
             "propose_per_reading": float(trials.propose_s.mean()),
         },

@@ -36,6 +36,7 @@ from tactsim.bench.experiment import (
     Gathered,
     check_estimator,
     check_presses,
+    estimator_of,
     finished_run,
     gather,
     plan_of,
@@ -115,7 +116,7 @@ def expand(table: Mapping[str, Any], what: str) -> list[Config]:
         try:
             for seed in _seeds(words):
                 config = any_config(**words, **seed)
-                check_estimator(config, create(config.estimator, **config.options))
+                check_estimator(config, estimator_of(config))
                 if (asked := (config.source, config.readings)) not in sources:
                     check_presses(config)
                     sources.add(asked)
@@ -466,7 +467,7 @@ def _names(configs: Sequence[Config]) -> list[str]:
     """
     names = []
     for config in configs:
-        budget = budget_of(create(config.estimator, **config.options))
+        budget = budget_of(estimator_of(config))
         words = [config.estimator, f"seed{config.seed}", config.digest[:10]]
         if budget is not None:
             words.insert(1, f"{budget['option']}{budget['value']}")

@@ -100,7 +100,7 @@ def _size(one: Task) -> str:
 def _best(best: Best | None) -> str:
     if best is None:
         return "not known yet"
-    return f"{best.figure} {best.value:.4g}: {best.method} (commit {best.commit[:12]})"
+    return f"{best.figure} {best.value:.4g}: --estimator {best.words} (commit {best.commit[:12]})"
 
 
 def _print_whole(one: Task, best: Best | None) -> None:

@@ -6,6 +6,7 @@ Bundles take long to read, and they do not come with an installation; the file i
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
@@ -16,7 +17,10 @@ FILE = Path(__file__).with_name("best_known.toml")
 
 
 class Best(BaseModel):
-    """The best on a task: the figure that ranks there, its value, the method, and the commit of the harness."""
+    """The best on a task: the figure that ranks there, its value, the method, and the commit of the harness.
+
+    method: as tables call it. estimator, options: what it is made of.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -24,6 +28,18 @@ class Best(BaseModel):
     value: float
     method: str
     commit: str = "unknown"
+    estimator: str = ""
+    options: dict[str, Any] = {}
+
+    @property
+    def words(self) -> str:
+        """Say what `--estimator` and `--set` take to do it again."""
+        return " ".join(
+            [
+                self.estimator or self.method,
+                *(f"--set {name}={value}" for name, value in self.options.items()),
+            ]
+        )
 
 
 def best_known() -> dict[str, Best]:

@@ -21,6 +21,7 @@ from tactsim.bench.leaderboard.ranking import (
     compare_errors,
     ranks,
 )
+from tactsim.bench.paper import PRINTED, Printed
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, Scored, recognition_seconds, wilson
@@ -36,50 +37,7 @@ _SEEN = (1, 2, 3, 5, 10, 20)  # readings after which a table shows the accuracy,
 _SEEN_OF_ERROR = (10, 20)
 
 
-@dataclass(frozen=True)
-class PaperRow:
-    """A method of Pezzementi, Reyda and Hager (2011), as their text states it (sections IV and V).
-
-    Their curves, figures 6 and 7, are pictures, from which nothing is read here. They have ten trials for each of five
-    real letters, and neither intervals nor trials to compare with: these rows are never ranked.
-
-    accuracy: share of the trials that were right, by the reading after which the text states it; it holds from there
-    on. where: the place in the paper, and what else it says there.
-    """
-
-    method: str
-    accuracy: Mapping[int, float]
-    where: str
-
-    def accuracy_after(self, reading: int) -> float | None:
-        """Give the accuracy that the text states for this many readings or fewer; None if it states none."""
-        stated = [at for at in self.accuracy if at <= reading]
-        return self.accuracy[max(stated)] if stated else None
-
-    def figure(self, name: str) -> float | None:
-        """Give a figure that the text states, such as accuracy@10; None if it does not."""
-        metric, _, at = name.partition("@")
-        return self.accuracy_after(int(at)) if metric == ACCURACY else None
-
-
 PAPER = "letters-v1"  # the task that has the paper's protocol
-PAPER_ROWS = (
-    PaperRow(
-        "histogram, 10,000 bins (paper)",
-        {9: 1.0},
-        "1.00 after 9 readings; objects within 1.3 mm on average, after how many it does not say: section V",
-    ),
-    PaperRow(
-        "histogram, 1,000 bins (paper)",
-        {46: 1.0},
-        "1.00 after 46 readings: section V; about 50 in section IV",
-    ),
-    PaperRow(
-        "particle, 10,000 particles (paper)",
-        {10: 0.74},
-        "levels out at 0.74 after around 10 readings: section IV",
-    ),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +81,11 @@ class Entrant:
     def ms_per_reading(self) -> float:
         """Give the processor time of a reading, ms: of a recognition, the median over the trials, by its readings."""
         return 1e3 * recognition_seconds(self.pooled.trials, self.readings) / self.readings
+
+    @property
+    def slowest_ms(self) -> float:
+        """Give the processor time, ms, that only one reading in a hundred takes longer than."""
+        return 1e3 * float(np.quantile(self.pooled.trials.seconds, 0.99))
 
     def figure(self, name: str) -> Figure:
         """Compute a figure of a task, such as accuracy@5 or settled_95, with its interval where there is one.
@@ -224,9 +187,9 @@ class Standings:
         return list(dict.fromkeys([self.by, *accuracy, *error, f"efficiency@{last}", *self.scored]))
 
     @property
-    def paper(self) -> tuple[PaperRow, ...]:
+    def paper(self) -> tuple[Printed, ...]:
         """List what the paper reports; nothing but for the task that has its protocol."""
-        return PAPER_ROWS if self.known is not None and self.task == PAPER else ()
+        return PRINTED if self.known is not None and self.task == PAPER else ()
 
     @property
     def pairs(self) -> list[Pair]:

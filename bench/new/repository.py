@@ -36,6 +36,7 @@ FILES: Mapping[str, Mapping[str, str]] = {
     | {
         "README.md": "task/README.md.txt",
         "pyproject.toml": "task/pyproject.toml.txt",
+        "requirements.txt": "task/requirements.txt.txt",
         "your-name-v1.toml": "task/task.toml.txt",
         "tests/test_your_name.py": "task/test_task.py.txt",
         ".github/workflows/test.yml": "task/workflow.yml.txt",

@@ -28,7 +28,8 @@ def best_of(standings: Iterable[Standings]) -> dict[str, Best]:
         value = first.figure(of.by).value
         if value is not None:
             commit = first.bundle.commit or "unknown"
-            best[of.task] = Best(figure=of.by, value=value, method=first.label, commit=commit)
+            made_of = {"estimator": first.bundle.estimator, "options": dict(first.bundle.options)}
+            best[of.task] = Best(figure=of.by, value=value, method=first.label, commit=commit, **made_of)
     return best
 
 

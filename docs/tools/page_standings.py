@@ -19,7 +19,8 @@ from page_blocks import fill_blocks, fill_page
 
 from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
-from tactsim.bench.leaderboard.standings import Entrant, PaperRow, Standings, read_folder
+from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
+from tactsim.bench.paper import Printed
 from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
@@ -69,7 +70,7 @@ def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[st
     ]  # fmt: skip
 
 
-def _paper_row(row: PaperRow, of: Standings, seen: Sequence[int]) -> list[str]:
+def _paper_row(row: Printed, of: Standings, seen: Sequence[int]) -> list[str]:
     def shown(at: int) -> str:
         value = row.accuracy_after(at)
         return MISSING if value is None else f"{value:.2f}"

@@ -69,6 +69,26 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
     assert '"remarks":[]' in page
 
 
+@pytest.mark.parametrize("words", ["--particles 100", "--estimator nearest --particles 100"])
+def test_particles_of_an_estimator_without_any_are_refused_with_one_that_has_them(here, words):
+    refused(
+        here("run", *words.split()),
+        "--particles",
+        "has none; add --estimator particle, or one of augmented-mcl",
+    )
+    refused(here("run", "--estimator", "particle", "--bins", "10"), "add --estimator histogram")
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"), [("bench ta", {"table", "tasks", "tare"}), ("bench run --verb", {"--verbose"})]
+)
+def test_the_shell_completes_verbs_and_their_options(bench, typed, offered):
+    bench.environment |= {
+        "_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" ")),
+    }  # fmt: skip
+    assert set(bench().stdout.split()) == offered
+
+
 def test_without_a_terminal_progress_is_a_plain_line_now_and_then(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "LINE_EVERY", 0.02)
     with terminal.progress_bars() as progress:
@@ -101,7 +121,7 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
     assert set(wanted.split(" ")) <= set(answer)
     assert answer["letters"] == ["A", "E"]
     assert len(answer["accuracy"]) == len(answer["error_mm"]) == 4
-    assert {"scan", "fit", "update_per_reading", "total"} <= set(answer["seconds"])
+    assert {"scan", "fit", "update_per_reading", "update_p99", "total"} <= set(answer["seconds"])
     assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])
 
 

@@ -36,7 +36,7 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     assert (best.method, best.commit, best.figure) == ("good", "c" * 40, task(TASK).scored[0])
     assert best.value == of.ranked[0].figure(best.figure).value < of.ranked[1].figure(best.figure).value
     shown = " ".join(here("tasks").stdout.split())
-    assert f"best error_all_mm@10 {best.value:.4g}: good (commit cccccccccccc)" in shown
+    assert f"best error_all_mm@10 {best.value:.4g}: --estimator {best.words} (commit cccccccccccc)" in shown
     assert shown.count("best not known yet") == len(names()) - 1
     content = json.loads(here("tasks", "--json").stdout)
     assert {one["name"]: one["best"] for one in content["tasks"]} == {

@@ -14,7 +14,8 @@ from entered import entered, record_of
 from tactsim.bench.leaderboard import site as sites
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.site import write_site
-from tactsim.bench.leaderboard.standings import PAPER_ROWS, read_folder
+from tactsim.bench.leaderboard.standings import read_folder
+from tactsim.bench.paper import PRINTED
 from tactsim.core import InputError
 
 TASK = "active-v1"
@@ -115,7 +116,7 @@ def test_the_papers_rows_stand_below_those_of_its_own_task_without_a_rank(found,
     write_site(replace(found, standings=(of,)), tmp_path / "site")
     rows = (tmp_path / "site" / "tasks" / "letters-v1.html").read_text(encoding="utf-8").split("<tr")
     paper = [row for row in rows if row.startswith(' class="paper"')]
-    assert [row.method in html for row, html in zip(PAPER_ROWS, paper, strict=True)] == [True] * 3
+    assert [row.method in html for row, html in zip(PRINTED, paper, strict=True)] == [True] * 3
     assert all('<td class="rank">–</td>' in row and "read from the paper" in row for row in paper)
     assert rows.index(paper[0]) == 1 + 1 + len(of.ranked)  # what comes first, and the head
 

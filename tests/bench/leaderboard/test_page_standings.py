@@ -78,4 +78,4 @@ def test_a_wrong_page_is_refused_in_one_line_and_stays(folder, tmp_path, capsys)
 
 def test_the_documentation_has_a_table_for_every_task():
     text = (DOCS / "leaderboard.md").read_text(encoding="utf-8")
-    assert sorted(asked_for(text, "standings")) == sorted(names())
+    assert set(asked_for(text, "standings")) == set(names()) - {"smoke-v1"}  # on which nobody is ranked

@@ -11,7 +11,8 @@ from entered import entered, record_of
 from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.site import command
-from tactsim.bench.leaderboard.standings import OTHER_TRIALS, PAPER_ROWS, read_folder
+from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
+from tactsim.bench.paper import PRINTED
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
@@ -60,6 +61,7 @@ def test_figures_are_those_of_the_trials(made, tmp_path):
         assert figure.low < figure.value < figure.high
     # 1 to 2 ms each of ten readings of 250 trials
     assert 1.4 < one.ms_per_reading < 1.6
+    assert one.slowest_ms >= one.ms_per_reading
     with pytest.raises(InputError, match="accuracy@11 of trials of 10 readings"):
         one.figure("accuracy@11")
 
@@ -180,7 +182,7 @@ def test_the_command_of_a_method_survives_a_shell(made, tmp_path):
 
 
 def test_the_papers_accuracy_stands_from_the_reading_on_after_which_it_is_stated():
-    fine, coarse, particles = PAPER_ROWS
+    fine, coarse, particles = PRINTED
     assert [fine.accuracy_after(k) for k in (5, 8, 9, 10, 20)] == [None, None, 1.0, 1.0, 1.0]
     assert [coarse.accuracy_after(k) for k in (20, 45, 46)] == [None, None, 1.0]
     assert [particles.accuracy_after(k) for k in (5, 10, 20)] == [None, 0.74, 0.74]

@@ -24,6 +24,7 @@ PUBLISHED = {
     "letters-v1": "c2771a4320b5ab84",
     "open-set-v1": "8723ed3ba09495d8",
     "slip-v1": "1f942f788ccc36c9",
+    "smoke-v1": "89f40454a287cf1a",
     "tilted-v1": "8752e003b9b8e24e",
     "worn-pad-v1": "2bd7417c70b28b31",
 }
