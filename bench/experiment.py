@@ -13,13 +13,14 @@ import numpy as np
 
 from tactsim.bench.config import RunConfig, chosen_letters
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.placement import Placement, load_scan, properties, stated_properties
+from tactsim.bench.placement import Placement, load_scan, poses_unknown, properties, stated_properties
 from tactsim.bench.results import Run
 from tactsim.bench.runs.scan_quality import eq3_agreement, notes_on
 from tactsim.bench.trials import (
     OneTrial,
     Press,
     Progress,
+    TouchesOfOnePress,
     TrialPlan,
     Trials,
     check_count,
@@ -304,6 +305,8 @@ def plan_of(
         from tactsim.bench.on_demand import OnDemand
 
         press = OnDemand(config.scan_options)
+    elif poses_unknown(scan):
+        press = TouchesOfOnePress(scan, config.readings)
     return TrialPlan(
         config.estimator,
         config.options,
@@ -419,6 +422,8 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     )
     if config.presses is not None:
         where = "presses on a pad"
+    if poses_unknown(scan):
+        where = "one press a trial, poses unknown"
     order = "random order"
     if config.on_demand:
         where = "touches in the robot's frame"

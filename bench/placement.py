@@ -49,22 +49,25 @@ class Properties:
     """What the error metric needs of an object.
 
     symmetry: order of the rotational symmetry, 0 for a disc. centre: [x, y] mm, centre of mass in
-    the object frame. inertia_over_mass: mm^2, polar second moment of mass about the centre / mass.
+    the object frame. inertia_over_mass: mm^2, polar second moment of mass about the centre / mass. placed: whether
+    anybody knows where it truly lies; if not, its placement errors are NaN.
     """
 
     symmetry: int
     centre: tuple[float, float]
     inertia_over_mass: float
+    placed: bool = True
 
     @classmethod
     def stated(cls, values: Any, where: str) -> Properties:
         """Take the properties from a file's JSON. Raises InputError that begins with `where`."""
         stated = checked(_Stated, values, where)
-        return cls(stated.symmetry, stated.centre, stated.inertia_over_mass)
+        return cls(stated.symmetry, stated.centre, stated.inertia_over_mass, stated.placed)
 
     def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
         """Measure the placement error (...,) mm; see `placement_error`."""
-        return placement_error(estimated, true, self)
+        away = placement_error(estimated, true, self)
+        return away if self.placed else np.full_like(away, np.nan)
 
     def spread(
         self, samples: PoseSamples, estimated: FloatArray, true: FloatArray
@@ -77,6 +80,7 @@ class _Stated(BaseModel):
     symmetry: int = Field(ge=0, le=1000)
     centre: tuple[_Length, _Length] = (0.0, 0.0)
     inertia_over_mass: float = Field(gt=0, le=LARGEST)
+    placed: bool = True
 
 
 def properties(scan: Scan) -> dict[str, Properties]:
@@ -84,15 +88,24 @@ def properties(scan: Scan) -> dict[str, Properties]:
 
     If the scan does not state them, the pressures of the training readings above the idle level, at the places where
     they were felt, stand for the mass, and no symmetry is assumed. The paper estimates the properties from its maps.
+    Where the scan says that poses are unknown no object is `placed`.
     Raises InputError as `stated_properties` does.
     """
     known = stated_properties(scan)
     if len(known) < len(scan.letters):
         scan = replace(scan, readings=find_idle(scan.where("train").readings).rise(scan.readings))
-    return {
+    found = {
         label: known.get(label) or _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters
     }
+    if not poses_unknown(scan):
+        return found
+    return {label: replace(of, placed=False) for label, of in found.items()}
+
+
+def poses_unknown(scan: Scan) -> bool:
+    """Tell whether a scan says that nobody knows how its test presses lie to the object, and to each other."""
+    return scan.meta.get("poses") == "unknown"
 
 
 def stated_properties(scan: Scan) -> dict[str, Properties]:
@@ -158,7 +171,7 @@ class Certainty:
 
     credibility: the share of the belief that is nearer to the estimate than the truth is: a region of a larger
     share holds the truth. radius: mm, of the region that holds 90 % of the belief. Both are NaN if the estimator
-    does not say how sure it is.
+    does not say how sure it is, or nobody knows where the object is.
     """
 
     credibility: float
@@ -172,6 +185,8 @@ def certainty(estimate: Estimate, true: ArrayLike, of: Placement) -> Certainty:
     away, truth, weights = of.spread(
         estimate.samples, estimate.robot_in_object, np.asarray(true, dtype=float)
     )
+    if np.isnan(truth):
+        return Certainty(np.nan, np.nan)
     nearer = away < truth
     return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.config import STILL, Slip
-from tactsim.bench.placement import Placement, certainty, properties
+from tactsim.bench.placement import Placement, certainty, poses_unknown, properties
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.forward import ForwardModel
@@ -36,6 +36,9 @@ from tactsim.estimators.registry import load
 
 if TYPE_CHECKING:
     from tactsim.estimators.pad_fit import PadFit
+
+
+_FAR = 100.0  # times the usual offset: beyond what an estimator takes for near
 
 
 class Touch(NamedTuple):
@@ -131,6 +134,32 @@ class RecordedTouches:
             assert self.test.sequence is not None
             return self.test.sequence[index].astype(float)
         return self.test.readings[index]
+
+
+@dataclass(frozen=True, eq=False)
+class TouchesOfOnePress:
+    """Take each trial's touches from one test press of a scan, the presses of a letter in turn.
+
+    So it is where nobody knows how the presses lie to each other, but how the windows of one do. Presses with fewer
+    readings than a trial takes are left out.
+    """
+
+    scan: Scan
+    readings: int
+
+    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
+        """Offer the touches of one trial of `truth`."""
+        test = self.scan.where("test", truth)
+        press, count = _counted_presses(test)
+        enough = np.unique(press[count >= self.readings])
+        return InTurn(RecordedTouches(test.chosen(press == enough[trial % len(enough)])))
+
+
+def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give the press of each reading (n,), and how many readings that has (n,)."""
+    press = np.arange(len(scan)) if scan.presses is None else scan.presses
+    _, which, count = np.unique(press, return_inverse=True, return_counts=True)
+    return press, count[which.reshape(-1)]
 
 
 Explore = Literal["random", "information", "blind"]
@@ -235,7 +264,15 @@ def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatAr
 
 
 def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
-    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
+    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space.
+
+    Where poses are unknown the robot stands a hundred times as far away as else, in any direction: it knows how its
+    touches lie to the first, and nothing of where that is on the object.
+    """
+    if poses_unknown(scan):
+        x, y, angle = draw_true_pose(rng, offsets(scan.taxel_xy))
+        far, direction = _FAR * offsets(scan.taxel_xy), np.arctan2(y, x)
+        return np.array([far * np.cos(direction), far * np.sin(direction), angle])
     if not scan.in_space:
         return draw_true_pose(rng, offsets(scan.taxel_xy))
     from tactsim.bench.space.touching import draw_pose_in_space  # runs in the plane do without its room
@@ -269,7 +306,13 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
                     f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
                     f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
                 )
-        check_count(letter, len(scan.where("test", letter)), readings)
+        test = scan.where("test", letter)
+        if poses_unknown(scan) and readings > (most := int(_counted_presses(test)[1].max())):
+            raise InputError(
+                f"{readings} readings a trial: poses are unknown, so a trial takes the readings of one press, and no "
+                f"test press of {letter!r} has more than {most}; ask for at most {most}, or cut smaller windows"
+            )
+        check_count(letter, len(test), readings)
 
 
 def check_count(letter: str, count: int, readings: int) -> None:

@@ -58,6 +58,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.mlp:Mlp",
         "baseline without poses: a neural network names each reading's letter; extra learned",
     ),
+    "spectrum": (
+        "tactsim.estimators.filters.spectrum:Spectrum",
+        "baseline without poses: the spectrum of whole presses, whatever their turn, and a linear classifier",
+    ),
     "scan-matching": (
         "tactsim.estimators.filters.scan_matching:ScanMatching",
         "baseline without a belief: the one pose that fits best, by branch and bound",

@@ -15,7 +15,9 @@ from tactsim.core.scan import SPLITS, Scan
 _ALIKE = 1e-3  # mm
 
 
-def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
+def cut(
+    scan: Scan, rows: int, columns: int, stride: int = 1, touching: tuple[int, float] | None = None
+) -> Scan:
     """Cut each reading of a large array into windows of `rows` x `columns` taxels, as a small pad feels them.
 
     Each window becomes a reading of its own, at the pose of its middle. Windows lie on a lattice: one every `stride`
@@ -25,8 +27,10 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
     has room for one lattice only, both take that, and `meta["cut"]["apart"]` is false.
 
     The array may lack taxels, as a masked one does: a window that would hold a missing taxel is left out, so that all
-    have the same taxels and no reading is made up. `meta["cut"]` says how many taxels are missing and how many windows
-    a press gives in each split. Loads stay the whole press's, and `presses` says which it was; sequences are left out.
+    have the same taxels and no reading is made up. touching: a number of taxels and a reading in the scan's unit; a
+    window in which fewer taxels read more than that is left out, too. `meta["cut"]` says how many taxels are missing
+    and how many windows a press gives in each split. Loads stay the whole press's, and `presses` says which it was;
+    sequences are left out.
 
     Raises InputError if the window does not fit, the taxels are not evenly spaced, or no window is whole.
     """
@@ -53,8 +57,10 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
                 raise InputError(
                     "the taxels are not evenly spaced, so windows of them differ; cut one array at a time"
                 )
-            offset = np.array([*middle, 0.0])
-            pieces.append((half, half.readings[:, window], compose(half.poses, offset)))
+            felt = half
+            if touching is not None:
+                felt = half.chosen((half.readings[:, window] > touching[1]).sum(axis=1) >= touching[0])
+            pieces.append((felt, felt.readings[:, window], compose(felt.poses, [*middle, 0.0])))
         if len(half) and not windows:
             raise InputError(
                 f"no window of {rows}x{columns} taxels is whole in the {split}ing readings: "
@@ -78,6 +84,7 @@ def cut(scan: Scan, rows: int, columns: int, stride: int = 1) -> Scan:
         loads=None if scan.loads is None else np.concatenate([half.loads for half, _, _ in pieces]),
         presses=np.concatenate([half.presses for half, _, _ in pieces]),
         moments=None if scan.moments is None else np.concatenate([half.moments for half, _, _ in pieces]),
+        views=None if scan.views is None else np.concatenate([half.views for half, _, _ in pieces]),
     )  # fmt: skip
 
 

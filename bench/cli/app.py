@@ -31,6 +31,7 @@ VERBS = {
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5.",
     "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
     "data": "List public recordings of real pads, or `get` one: download, check and import it as a scan.",
+    "align": "Find how presses lie of which nobody noted the poses, by laying those of each object over each other.",
     "fit": "Choose what depends on a pad's unit, pitch and response from training readings alone, and say why.",
     "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
     "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
@@ -58,7 +59,7 @@ VERBS = {
 # The same verbs, as `bench --help` groups them.
 GROUPS = {
     "Recognise": ("run", "scan", "sweep", "report", "table", "compare", "bound", "fit"),
-    "Data": ("export", "import", "data"),
+    "Data": ("export", "import", "data", "align"),
     "Tasks and the leaderboard": ("tasks", "submit", "verify", "leaderboard"),
     "A pad": (
         "devices", "probe", "tare", "template", "record", "replay", "emulate", "watch", "live", "validate",

@@ -111,7 +111,7 @@ def command(
         raise InputError("--marks, --cut, --moments and --at-load make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
     frames = shared.idle_frames(idle)
-    window = None if cut is None else _window(cut)
+    window = None if cut is None else shared.window(cut)
     wanted, share = _moments(moments, marks), 1.0 if at_load is None else _share(at_load)
     console = plain_console()
 
@@ -231,14 +231,3 @@ def _found(scan: Scan) -> list[str]:
                 "the array is too small for test touches at places of their own: they lie where training touches lie"
             )
     return lines
-
-
-def _window(text: str) -> tuple[int, int]:
-    """Read a window written as ROWSxCOLUMNS."""
-    from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
-
-    rows, columns = (whole_number(word) for word in text.partition("x")[::2])
-    if rows is None or columns is None:
-        raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
-    return rows, columns

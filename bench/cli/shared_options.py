@@ -98,3 +98,14 @@ def idle_frames(path: Path | None) -> Any:
         )
     except (OSError, ValueError) as error:
         raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error
+
+
+def window(text: str) -> tuple[int, int]:
+    """Read a window written as ROWSxCOLUMNS. Raises InputError for another text."""
+    from tactsim.bench.config import whole_number
+    from tactsim.core.errors import InputError
+
+    rows, columns = (whole_number(word) for word in text.partition("x")[::2])
+    if rows is None or columns is None:
+        raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
+    return rows, columns

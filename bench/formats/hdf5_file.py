@@ -35,6 +35,7 @@ _DATASETS = {
     "loads": ("f", ("press",), "N", "the force of each press; NaN where it is not known"),
     "presses": ("i", ("press",), "", "the number of the press that each reading was taken of"),
     "moments": ("f", ("press",), "", "the share of its press's load at which each reading was taken"),
+    "views": ("i", ("press",), "", "which of its object's pictures each reading belongs to"),
 }
 _OF_TRIALS = dict.fromkeys(("x", "y", "true_x", "true_y", "radius_90"), "mm")
 _OF_TRIALS |= {"theta": "rad", "true_theta": "rad", "update_s": "s", "estimate_s": "s", "propose_s": "s"}

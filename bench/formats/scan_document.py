@@ -1,4 +1,4 @@
-"""What Parquet has no room for and a scan keeps beside it, as JSON: taxels, times, loads, presses, moments, `meta`."""
+"""What Parquet has no room for and a scan keeps beside it, as JSON: taxels, times, `meta`, what is known of presses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
 
 _VERSION = 1
-_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1, "moments": 1}
+_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1, "moments": 1, "views": 1}
 
 
 def document_of(scan: Scan) -> dict[str, Any]:
@@ -34,7 +34,11 @@ def parts_of(document: dict[str, Any]) -> dict[str, Any]:
     for name, axes in _AXES.items():
         values = document.get(name)
         try:
-            array = None if values is None else np.array(values, dtype=None if name == "presses" else float)
+            array = (
+                None
+                if values is None
+                else np.array(values, dtype=None if name in ("presses", "views") else float)
+            )
         except (TypeError, ValueError, OverflowError):
             array = np.zeros(())
         if (array is None and name == "taxel_xy") or (array is not None and array.ndim != axes):

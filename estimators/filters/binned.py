@@ -221,19 +221,21 @@ class BinnedBelief:
         self.update(math.inf)
         return self._belief.log_p
 
-    def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
+    def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
         """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
 
-        A mode is a flat index into (angles, rows, columns). The samples are the bins of the letter that holds most,
-        less than `within` nats below the best bin.
+        A mode is a flat index into (angles, rows, columns).
         """
         letters, count = len(self._field.labels), len(self._field)
         mass, mode = np.empty(letters), np.empty(letters, dtype=np.int64)
         summarise(self._belief, count, self._best, self._least, mass, mode)
-        letter = int(mass.argmax())
-        flat, log_p = bins_from(self._belief, count, self._best - within, letter, letter + 1)
+        return mass, mode
+
+    def samples(self, letter: int, within: float) -> PoseSamples:
+        """Give the bins of a letter that are less than `within` nats below the best bin."""
+        flat, log_p = bins_from(self._belief, len(self._field), self._best - within, letter, letter + 1)
         size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)
-        return mass, mode, pose_samples(self._grid.states(flat), Weights(log_p), size)
+        return pose_samples(self._grid.states(flat), Weights(log_p), size)
 
     def listed(self) -> tuple[NDArray[np.int64], FloatArray]:
         """List the bins that `update` was asked for: flat indices into (letters, angles, y, x), and log-beliefs."""

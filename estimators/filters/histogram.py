@@ -72,8 +72,8 @@ class HistogramFilter(GridFilter):
 
     def own_estimate(self) -> Estimate:
         """Sum the bins of each letter (eq. 14); take the mode (eq. 15, 16) within the best letter."""
-        mass, mode, samples = self._belief.summary(_IN_BELIEF)
-        best = int(mass.argmax())
+        mass, mode = self._belief.summary()
+        best, mass = self.likeliest(mass)
         place, column = divmod(int(mode[best]), self.grid.x)
         angle, row = divmod(place, self.grid.y)
         x, y, theta = self.grid.centres
@@ -81,7 +81,7 @@ class HistogramFilter(GridFilter):
             label=self.labels[best],
             probabilities=probabilities(self.labels, mass),
             robot_in_object=np.array([x[column], y[row], theta[angle]]),
-            samples=samples,
+            samples=self._belief.samples(best, _IN_BELIEF),
         )
 
     def log_belief(self) -> FloatArray:

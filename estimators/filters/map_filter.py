@@ -64,6 +64,9 @@ class MapFilter(Estimator):
     motion: how the object moves between touches; None if it lies still. moving: the belief that follows the motion,
     beside the filter's own; None without a motion, and for a filter that follows it by itself (`moves`).
     open_set: what says "none of these"; None if the options give that no probability.
+
+    An object of several views has a map of each, which counts as a letter in all that the filter does. What it answers
+    is of objects: a view's prior is its share of its object's presses, and the views' probabilities are summed.
     """
 
     options_type: type[Options] = FilterOptions
@@ -88,6 +91,7 @@ class MapFilter(Estimator):
         self.labels: tuple[str, ...] = ()
         self.open_set: OpenSet | None = None
         self._maps: Mapping[str, OccupancyMap] = {}
+        self._object_of: Mapping[str, str] = {}
         self._started = False
         self._weighed = 0
         self._set_options(options)
@@ -115,7 +119,7 @@ class MapFilter(Estimator):
         """
         options, pad_fit = self.options, None
         frames = Frames.fitted(scan, reach_of(options.reach, scan.taxel_xy))
-        scan = frames.scan(scan)
+        scan, object_of = frames.scan(scan).by_view()
         if wants_pad_fit(options, scan):
             from tactsim.estimators.pad_fit import fit_to_pad
 
@@ -128,7 +132,7 @@ class MapFilter(Estimator):
             from tactsim.estimators.filters.open_set import OpenSet
 
             open_set = OpenSet(options, scan, maps)
-        self.frames, self.pad_fit, self.open_set = frames, pad_fit, open_set
+        self.frames, self.pad_fit, self.open_set, self._object_of = frames, pad_fit, open_set, object_of
         self.fit_with(options, maps, scan)
 
     def without(self, letter: str, scan: Scan) -> MapFilter:
@@ -141,8 +145,8 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             other.fit(rest)
             return other
-        maps = {label: chart for label, chart in self._maps.items() if label != letter}
-        other.fit_with(self.fitted_options, maps, self.frames.scan(rest))
+        maps = {label: chart for label, chart in self._maps.items() if self._object_of[label] != letter}
+        other.fit_with(self.fitted_options, maps, self.frames.scan(rest).by_view()[0])
         if self.open_set is not None:
             other.open_set = self.open_set.of(other.labels)
         return other
@@ -156,6 +160,10 @@ class MapFilter(Estimator):
         self._set_options(options)
         self._maps = maps
         self.labels = tuple(maps)
+        objects = [self._object_of.get(label, label) for label in maps]
+        of_view = np.array([np.count_nonzero(scan.where("train").labels == label) for label in maps])
+        self._same_object = np.array(objects)[:, None] == np.array(objects)
+        self._view_share = of_view / (self._same_object @ of_view)
         self.taxel_xy = scan.taxel_xy
         self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
         self._reach_far = max(self._reach_near, reach_on_object(scan))
@@ -246,7 +254,26 @@ class MapFilter(Estimator):
             known = self.open_set.estimate(known, self.path(known), self.weighted_states)
         if self.pad_fit is not None:
             known = self.pad_fit.units.estimate_back(known)
-        return self.frames.estimate_back(known)
+        return self.frames.estimate_back(self._of_objects(known))
+
+    def _of_objects(self, known: Estimate) -> Estimate:
+        """Sum the probabilities of each object's views."""
+        if len(set(self._object_of.values())) == len(self._object_of):
+            return known
+        summed: dict[str, float] = {}
+        for label, p in known.probabilities.items():
+            name = self._object_of.get(label, label)
+            summed[name] = summed.get(name, 0.0) + p
+        return replace(known, label=self._object_of.get(known.label, known.label), probabilities=summed)
+
+    def likeliest(self, mass: FloatArray) -> tuple[int, FloatArray]:
+        """Find the likeliest map of the likeliest object, and what each map holds given its prior.
+
+        mass: (maps,) what each would hold if all were as likely before.
+        """
+        mass = mass * self._view_share
+        of_object = self._same_object @ mass
+        return int(np.where(of_object == of_object.max(), mass, -1.0).argmax()), mass
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) whose reading should say most about the state.

@@ -58,12 +58,11 @@ class MovingBins:
         self._p /= self._p.sum()
         return log_p.size, 0
 
-    def summary(self, within: float) -> tuple[FloatArray, NDArray[np.int64], PoseSamples]:
+    def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
         """Sum the bins of each letter (eq. 14), and find its mode (eq. 15): (letters,) each.
 
         A mode is a flat index into (angles, rows, columns). It is that of the letter at rest or moving, whichever is
-        likelier: the sum of both may be highest between their modes. The samples are the bins of the letter that holds
-        most, at most `within` nats below the best bin.
+        likelier: the sum of both may be highest between their modes.
         """
         each = self._p.reshape(len(self._prior), self._shape[0], -1)
         moving = each[self._first :].sum(axis=0)
@@ -71,9 +70,10 @@ class MovingBins:
         if self._first:
             at_rest = each[0].sum(axis=1)
             mass, mode = mass + at_rest, np.where(at_rest > mass, each[0].argmax(axis=1), mode)
-        return mass, mode, self._samples(int(mass.argmax()), within)
+        return mass, mode
 
-    def _samples(self, letter: int, within: float) -> PoseSamples:
+    def samples(self, letter: int, within: float) -> PoseSamples:
+        """Give the bins of a letter that are at most `within` nats below the best bin."""
         log_p = self.log_belief()
         flat = np.flatnonzero(log_p[letter] >= log_p.max() - within)
         size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)

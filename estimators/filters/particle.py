@@ -151,8 +151,7 @@ class ParticleFilter(MapFilter):
     def own_estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
         alike, letter = self.field.alike, self._particles.letter
-        mass = shared(letter_mass(letter, self._weights, len(self.labels)), alike)
-        best = int(mass.argmax())
+        best, mass = self.likeliest(shared(letter_mass(letter, self._weights, len(self.labels)), alike))
         of_best = np.flatnonzero(letter == alike[best])
         state, weight = self._particles.state.take(of_best, axis=1), self._weights.relative[of_best]
         mode, skipped = parzen_mode(state, weight, self.options.rho, self.options.skip)

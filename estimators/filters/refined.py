@@ -141,8 +141,7 @@ class RefinedFilter(GridFilter):
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
         cells, weights = self._belief_in_cells()
         letter, log_weight = cells.letter, weights.log
-        mass = self._letter_mass(letter, weights)
-        best = int(mass.argmax())
+        best, mass = self.likeliest(self._letter_mass(letter, weights))
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         # Only these cells are placed: at first there are many others.

@@ -161,8 +161,7 @@ class ScanMatching(GridFilter):
 
     def own_estimate(self) -> Estimate:
         """Compare the letters by their best poses."""
-        best = int(self._scores.argmax())
-        p = np.exp(self._scores - self._scores.max())
+        best, p = self.likeliest(np.exp(self._scores - self._scores.max()))
         return Estimate(self.labels[best], probabilities(self.labels, p), self._states()[:, best])
 
     @property

@@ -138,11 +138,11 @@ class TemperedFilter(MapFilter):
     def own_estimate(self) -> Estimate:
         """Compare the letters' evidence; give the mean pose near the best particle of the best letter."""
         evidence = Weights(np.array([population.log_total for population in self._populations]))
-        best = int(evidence.relative.argmax())
+        best, mass = self.likeliest(evidence.relative)
         one = self._populations[best]
         return Estimate(
             label=self.labels[best],
-            probabilities=probabilities(self.labels, evidence.relative),
+            probabilities=probabilities(self.labels, mass),
             robot_in_object=mean_around(one.state, one.rest.relative, int(one.log_p.argmax())),
             samples=pose_samples(one.state, one.rest),
         )

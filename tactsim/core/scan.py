@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SPLITS = ("train", "test")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
-_OF_PRESSES = ("loads", "presses", "moments")
+_OF_PRESSES = ("loads", "presses", "moments", "views")
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -55,6 +55,9 @@ class Scan:
     moments: (n,) the share of its press's load at which each reading was taken, above 0, at most 1. None: all were
     taken under the whole load, or nobody knows.
 
+    views: (n,) whole numbers, which of its object's pictures a training reading belongs to, where one does not do: an
+    object that lies on one side or on another gives two. Each view has a frame of its own. None: each object has one.
+
     Raises InputError when shapes disagree, there are no taxels, a number is not finite or beyond 1e9, a
     label is empty, over 100 characters long or not printable, a split has another name, `meta` is not JSON, or it
     states an unknown unit.
@@ -72,6 +75,7 @@ class Scan:
     loads: FloatArray | None = None
     presses: NDArray[np.int64] | None = None
     moments: FloatArray | None = None
+    views: NDArray[np.int64] | None = None
 
     # What differs of a scan in space, see `space_scan`: the numbers of a pose, the arrays of a file, which of them have
     # an entry a reading, and the command that makes one.
@@ -80,7 +84,7 @@ class Scan:
     _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
     _A_READING: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
-        "moments",
+        "moments", "views",
     )  # fmt: skip
     _MADE_BY: ClassVar[str] = "bench scan --out FILE"
 
@@ -113,7 +117,9 @@ class Scan:
         if self.loads is not None:
             object.__setattr__(self, "loads", _as_loads(self.loads, count))
         if self.presses is not None:
-            object.__setattr__(self, "presses", _as_presses(self.presses, count))
+            object.__setattr__(self, "presses", _as_whole_numbers("presses", self.presses, count))
+        if self.views is not None:
+            object.__setattr__(self, "views", _as_whole_numbers("views", self.views, count))
         if self.moments is not None:
             object.__setattr__(self, "moments", _as_moments(self.moments, count))
 
@@ -246,6 +252,23 @@ class Scan:
         """Leave out the training readings of these letters, so that they are unknown objects."""
         return self.chosen((self.split != "train") | ~np.isin(self.labels, list(letters)))
 
+    def by_view(self) -> tuple[Self, dict[str, str]]:
+        """Label the training readings of each view by themselves, and say of which object each label is.
+
+        Raises InputError if an object is called as a view of another is.
+        """
+        if self.views is None:
+            return self, {letter: letter for letter in self.letters}
+        names, object_of = self.labels.astype(object), {}
+        for letter in self.letters:
+            own = (self.labels == letter) & (self.split == "train")
+            for number, view in enumerate(np.unique(self.views[own]).tolist() or [0]):
+                name = letter if number == 0 else f"{letter}, view {number + 1}"
+                if name in object_of or (number and name in self.letters):
+                    raise InputError(f"scan: an object is called {name!r}, which is a view of {letter!r}")
+                names[own & (self.views == view)], object_of[name] = name, letter
+        return replace(self, labels=names.astype(np.str_), views=None), object_of
+
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.
 
@@ -267,7 +290,7 @@ class Scan:
         return Scan(
             readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
             loads=_joined_loads(self, other), presses=_joined_presses(self, other),
-            moments=_joined_moments(self, other),
+            moments=_joined_moments(self, other), views=_joined_views(self, other),
         )  # fmt: skip
 
     def licensed(self, licence: str) -> Scan:
@@ -414,12 +437,12 @@ def _as_loads(values: Any, count: int) -> FloatArray:
     return array
 
 
-def _as_presses(values: Any, count: int) -> NDArray[np.int64]:
-    """Return the presses of `count` readings, whole numbers from 0 on, read only. Raises InputError for others."""
+def _as_whole_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
+    """Return whole numbers from 0 on, one for each of `count` readings, read only. Raises InputError for others."""
     array = np.asarray(values)
     if array.dtype.kind not in "iu" or array.shape != (count,) or (array.astype(np.int64) < 0).any():
         raise InputError(
-            f"scan: presses must be {count:,} whole numbers from 0 on, one a reading, got {array.dtype} {array.shape}"
+            f"scan: {name} must be {count:,} whole numbers from 0 on, one a reading, got {array.dtype} {array.shape}"
         )
     array = array.astype(np.int64)
     array.setflags(write=False)
@@ -488,6 +511,15 @@ def _joined_moments(first: Scan, second: Scan) -> FloatArray | None:
         return None
     return np.concatenate(
         [np.ones(len(scan)) if scan.moments is None else scan.moments for scan in (first, second)]
+    )
+
+
+def _joined_views(first: Scan, second: Scan) -> NDArray[np.int64] | None:
+    """Append the views of two scans; readings of a scan that says none are of the first."""
+    if first.views is None and second.views is None:
+        return None
+    return np.concatenate(
+        [np.zeros(len(scan), np.int64) if scan.views is None else scan.views for scan in (first, second)]
     )
 
 

@@ -427,6 +427,29 @@ def test_readings_keep_the_share_of_their_load(scan, tmp_path):
     assert (made.presses.tolist(), made.moments.tolist()) == ([3, 3], [0.5, 1.0])
 
 
+def test_views_are_kept_chosen_joined_and_labelled_by_themselves(scan, tmp_path):
+    known = replace(scan, views=[0, 1, 1, 0, 2, 0])
+    known.save(tmp_path / "scan.npz")
+    assert Scan.load(tmp_path / "scan.npz").views.tolist() == [0, 1, 1, 0, 2, 0]
+    assert scan.joined(known, {}).views.tolist() == [0] * 6 + [0, 1, 1, 0, 2, 0]
+    assert scan.joined(scan, {}).views is None
+    assert scan.by_view() == (scan, {letter: letter for letter in scan.letters})
+
+
+def test_each_view_of_training_readings_gets_a_label_and_test_readings_keep_theirs():
+    readings, split = np.ones((5, 36)), ["train"] * 4 + ["test"]
+    made = replace(
+        Scan.from_arrays(readings, np.zeros((5, 3)), ["key", "key", "key", "pen", "key"], split),
+        views=[4, 1, 4, 0, 3],
+    )
+    apart, object_of = made.by_view()
+    assert apart.labels.tolist() == ["key, view 2", "key", "key, view 2", "pen", "key"]
+    assert object_of == {"key": "key", "key, view 2": "key", "pen": "pen"}
+    clash = replace(made, labels=np.array(["key", "key", "key", "key, view 2", "key"]))
+    with pytest.raises(InputError, match="'key, view 2'"):
+        clash.by_view()
+
+
 @pytest.mark.parametrize("moments", [[1.0] * 5, [[1.0]] * 6, ["a"] * 6, [0.0] * 6, [1.1] * 6, [np.nan] * 6])
 def test_moments_that_are_no_shares_are_refused(scan, moments):
     with pytest.raises(InputError, match="moment"):

@@ -44,6 +44,7 @@ def make_scan(
         moving["presses"] = rng.integers(0, 3, count)
     if rng.random() < 0.5:
         moving["moments"] = rng.integers(1, 5, count) / 4
+        moving["views"] = rng.integers(0, 3, count)
     return Scan(
         numbers(count, taxels), numbers(count, 3), rng.choice(np.array(labels), count), rng.choice(splits, count),
         numbers(taxels, 2), {} if meta is None else meta, **moving,

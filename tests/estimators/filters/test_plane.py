@@ -6,7 +6,15 @@ from synthetic import CHEAPER, draw_trial, fitted, make_scan, paper_poses
 
 from tactsim import estimators
 
-NOT_SHOWING = ("synthesis", "nearest", "bag-of-features", "mlp", "space-refined", "space-tempered")
+NOT_SHOWING = (
+    "synthesis",
+    "nearest",
+    "bag-of-features",
+    "mlp",
+    "spectrum",
+    "space-refined",
+    "space-tempered",
+)
 SHOWING = [name for name in estimators.names() if name not in NOT_SHOWING]
 
 

@@ -1,0 +1,99 @@
+"""Trials of presses whose poses nobody knows: each takes its touches from one, far from the robot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tactsim
+from tactsim.bench.placement import properties
+from tactsim.bench.trials import OneTrial, check_readings, run_trial
+from tactsim.core import InputError, Scan, compose, invert
+from tactsim.estimators import Estimate, Estimator, Options
+
+PRESSES, WINDOWS = 4, 6
+
+
+def windows(letters="AB"):
+    """Windows of presses: taxel 0 says the press, taxel 1 the window; the last press has fewer windows."""
+    rng = np.random.default_rng(0)
+    rows = [
+        (letter, split, press, window)
+        for letter in letters
+        for split in ("train", "test")
+        for press in range(PRESSES)
+        for window in range(WINDOWS if press < PRESSES - 1 else 2)
+    ]
+    label, split, press, window = (np.array(column) for column in zip(*rows, strict=True))
+    return Scan(
+        np.column_stack([press, window]).astype(float), rng.normal(0, 8, (len(rows), 3)), label, split,
+        np.array([[0.0, 0.0], [2.0, 0.0]]), {"poses": "unknown"},
+        presses=press + 10 * (split == "test") + 20 * (label == "B"),
+    )  # fmt: skip
+
+
+class Heard(Estimator):
+    def __init__(self):
+        super().__init__(Options())
+        self.heard = []
+
+    def fit(self, scan):
+        pass
+
+    def reset(self, rng):
+        self.heard = []
+
+    def update(self, reading, sensor_in_robot):
+        self.heard.append((np.array(reading), np.array(sensor_in_robot)))
+
+    def estimate(self):
+        return Estimate("A", {"A": 1.0}, np.zeros(3))
+
+
+def test_a_trial_takes_one_press_and_presses_take_turns():
+    scan = windows()
+    run = tactsim.run(scan=scan, estimator=Heard(), trials=PRESSES, readings=5)
+    test = {letter: scan.where("test", letter) for letter in "AB"}
+    plan, taken = run.plan, []
+    for trial in range(PRESSES):
+        estimator = Heard()
+        run_trial(
+            estimator, test["B"], OneTrial("B", trial), letters="AB", readings=5, seed=0,
+            of=properties(scan)["B"], press=plan.press,
+        )  # fmt: skip
+        pressed = {int(reading[0]) for reading, _ in estimator.heard}
+        assert len(pressed) == 1
+        taken += pressed
+        # What is true of the touches is how they lie to the first, and no more.
+        own = test["B"].chosen(test["B"].readings[:, 0] == taken[-1])
+        poses = np.array([own.poses[own.readings[:, 1] == reading[1]][0] for reading, _ in estimator.heard])
+        told = np.array([pose for _, pose in estimator.heard])
+        apart, expected = compose(invert(told[0]), told), compose(invert(poses[0]), poses)
+        assert np.allclose(apart[:, :2], expected[:, :2], rtol=0, atol=1e-6)
+        assert np.hypot(*told[0, :2]) > 100
+    assert taken == [0, 1, 2, 0]  # the fourth press has too few windows
+
+
+def test_nobody_knows_the_placement_error():
+    run = tactsim.run(scan=windows(), estimator=Heard(), trials=2, readings=3)
+    assert np.isnan(run.trials.credibility).all()
+    assert run.summary["error_mm"] == [None] * 3
+    assert run.summary["error_all_mm"] == [None] * 3
+    assert run.summary["accuracy"] == [0.5] * 3
+    assert "one press" in run.about["protocol"]
+
+
+def test_more_readings_than_a_press_has_are_refused():
+    with pytest.raises(InputError, match="no test press of 'A' has more than 6"):
+        check_readings(windows(), "A", 7)
+    alone = replace(windows(), presses=None)
+    with pytest.raises(InputError, match="has more than 1;"):
+        check_readings(alone, "A", 2)
+
+
+def test_a_run_with_unknown_poses_is_read_again(tmp_path):
+    run = tactsim.run(scan=windows(), estimator="nearest", trials=2, readings=3)
+    run.save(tmp_path / "run")
+    again = tactsim.Run.load(tmp_path / "run")
+    assert again.summary == run.summary
+    assert not again.objects["A"].placed

@@ -1,0 +1,88 @@
+"""The spectrum: what it does not look at, and whole presses that it names wherever and however they lie."""
+
+import numpy as np
+import pytest
+
+from tactsim import estimators
+from tactsim.core import Pad, Scan
+
+PAD = Pad(
+    rows=21, columns=21, pitch_x=2, pitch_y=2, taxel_width=1, taxel_height=1, no_seam=True, unread_columns=0
+)
+BARS = {
+    "bar": [(0, 0, 12, 3)],
+    "cross": [(0, 0, 12, 3), (0, 0, 3, 12)],
+    "tee": [(0, 4, 12, 3), (0, -2, 3, 9)],
+}
+
+
+def pressed(name, x, y, angle):
+    """Press boxes (middle, width, height in mm) that lie at x, y, turned: (taxels,)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    along, across = ((PAD.taxel_xy - [x, y]) @ np.array([[cos, -sin], [sin, cos]])).T
+    inside = [
+        np.clip(w / 2 - np.abs(along - mx) + 1, 0, 1) * np.clip(h / 2 - np.abs(across - my) + 1, 0, 1)
+        for mx, my, w, h in BARS[name]
+    ]
+    return 100 * np.max(inside, axis=0)
+
+
+def scan_of(rng, presses=12, unit=1.0):
+    rows = [
+        (name, pressed(name, *rng.uniform(-8, 8, 2), rng.uniform(0, 2 * np.pi)))
+        for name in BARS
+        for _ in range(presses)
+    ]
+    split = np.tile(["train", "test"], len(rows) // 2)
+    return Scan(
+        unit * np.array([reading for _, reading in rows]), np.zeros((len(rows), 3)),
+        np.array([name for name, _ in rows]), split, PAD.taxel_xy,
+    )  # fmt: skip
+
+
+def fitted(scan):
+    estimator = estimators.create("spectrum")
+    estimator.fit(scan)
+    return estimator
+
+
+def named(estimator, reading):
+    estimator.reset(np.random.default_rng(0))
+    estimator.update(reading, [0, 0, 0])
+    return estimator.estimate()
+
+
+def test_objects_are_named_wherever_and_however_they_lie():
+    scan = scan_of(np.random.default_rng(0), 24)
+    estimator, test = fitted(scan), scan.where("test")
+    answers = [named(estimator, reading) for reading in test.readings]
+    assert [answer.label for answer in answers] == test.labels.tolist()
+    assert all(answer.robot_in_object.tolist() == [0, 0, 0] for answer in answers)
+
+
+def test_a_quarter_turn_changes_nothing():
+    scan = scan_of(np.random.default_rng(1))
+    estimator = fitted(scan)
+    for reading in scan.where("test").readings[:4]:
+        turned = np.rot90(reading.reshape(21, 21)).ravel()
+        same, other = named(estimator, reading), named(estimator, turned)
+        assert other.probabilities == pytest.approx(same.probabilities, abs=1e-6)
+
+
+def test_the_unit_of_the_readings_changes_nothing():
+    same, other = scan_of(np.random.default_rng(2)), scan_of(np.random.default_rng(2), unit=1e-3)
+    first = named(fitted(same), same.readings[1]).probabilities
+    assert named(fitted(other), other.readings[1]).probabilities == pytest.approx(first, abs=1e-3)
+
+
+def test_the_stated_probability_is_that_of_left_out_presses():
+    """Labels that have nothing to do with the presses: no answer is sure, though training readings are separable."""
+    rng = np.random.default_rng(3)
+    scan = scan_of(rng, 40)
+    mixed = Scan(
+        scan.readings, scan.poses, rng.permutation(scan.labels), scan.split, scan.taxel_xy, presses=None
+    )  # fmt: skip
+    estimator = fitted(mixed)
+    sure = [max(named(estimator, reading).probabilities.values()) for reading in mixed.where("test").readings]
+    assert estimator.temperature > 5
+    assert np.mean(sure) < 0.6
