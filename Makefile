@@ -11,6 +11,7 @@ MUTATION  := $(VENV)/.ready-mutation
 PACKAGING := $(VENV)/.ready-packaging
 DOCS      := $(VENV)/.ready-docs
 PROFILE   := $(VENV)/.ready-profile
+REFEREES  := build/referees/.ready
 MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
@@ -28,7 +29,7 @@ LONG ?=
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check profile tables renew leaderboard references stress release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check profile tables renew leaderboard references stress referees release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -102,6 +103,17 @@ references: $(DEVELOP)  ## how far every estimator is from the reference posteri
 
 stress: $(DEVELOP)  ## do every stress case, 6 to 20 minutes: fill the table of docs/stress.md
 	@$(BIN)/python docs/tools/page_stress.py docs/stress.md
+
+referees: $(REFEREES)  ## press eight bodies with other people's solvers, ten minutes: fill the table of docs/attach.md
+	@OPENBLAS_NUM_THREADS=1 nice build/referees/bin/python docs/tools/page_referees.py docs/attach.md
+
+$(REFEREES): docs/tools/referees.txt requirements.lock
+	@echo "setting up build/referees: fetching ContactMechanics, tamaas and Drake, another 1.2 GB ..."
+	@$(PYTHON) -m venv build/referees
+	@build/referees/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@build/referees/bin/python -m pip install --quiet --disable-pip-version-check -r docs/tools/referees.txt
+	@build/referees/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
 
 release-check: $(PACKAGING)  ## what a release lacks; then build it into dist/, check it and install it
 	@$(BIN)/python tests/packaging/release_check.py

@@ -211,6 +211,7 @@ def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_
     ("changes", "said"),
     [
         ({"sensor": {"lag": 0.2}}, "lag"),
+        ({"sensor": {"ghosting": "floating"}}, "ghosting"),
         ({"sensor": {"noise": 0.0, "resolution": 0.0}}, "noise"),
         ({"sensor": {"random_taxels": 1.0}}, "random_taxels"),
     ],

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
-from bench_attach import compare as compare_pads
 from bench_attach import time_readings
 from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 from test_elastic import compare, solid
@@ -312,11 +311,6 @@ def main() -> None:
     print("\n| attached pad, CPU | us | / exact |\n|---|---|---|")
     for name, took in time_readings().items():
         print(f"| {name} | {took * 1e6:,.0f} | {took / seconds['exact']:,.1f} |")
-    print("\n| attached pad, mean over a ball, a roll and a block | correlation | rms / peak | p95 / peak |")
-    print("|---|---|---|---|")
-    for name, found in compare_pads().items():
-        alike, rms, share = found.mean(axis=0)
-        print(f"| {name} | {alike:.3f} | {100 * rms:.1f} % | {100 * share:.1f} % |")
 
 
 if __name__ == "__main__":

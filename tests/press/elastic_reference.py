@@ -101,10 +101,14 @@ class Reference:
         raise AssertionError("the reference does not converge")
 
     def reading(self, pressure, sigma=1.0):
-        """Spread pressures over the taxels: (taxels,) kPa."""
-        columns, rows = (
-            np.diff(erf((edges - at[:, None, None]) / (sigma * np.sqrt(2))), axis=-1)[..., 0] / 2
-            for at, edges in ((self.x, self.pad.column_edges), (self.y, self.pad.row_edges))
-        )
+        """Spread pressures over the taxels: (taxels,) kPa. With sigma = 0 a square counts where it overlaps a taxel."""
+
+        def felt(at, edges):
+            if sigma:
+                return np.diff(erf((edges - at[:, None, None]) / (sigma * np.sqrt(2))), axis=-1)[..., 0] / 2
+            size = at[1] - at[0]
+            return np.diff(np.clip((edges - at[:, None, None]) / size + 0.5, 0, 1), axis=-1)[..., 0]
+
+        columns, rows = felt(self.x, self.pad.column_edges), felt(self.y, self.pad.row_edges)
         taxel = self.pad.taxel_width * self.pad.taxel_height
         return 1e3 * (rows.T @ pressure @ columns).ravel() * self.square / taxel

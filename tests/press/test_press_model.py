@@ -118,6 +118,18 @@ def test_the_response_curve_is_bent_as_the_sensor_bends_it():
     np.testing.assert_allclose(bent.by_pose[:, 0][felt], straight.by_pose[:, 0][felt] * slope, rtol=1e-9)
 
 
+def test_ghosts_are_refused_and_unmixed_readings_are_not():
+    letter = models.letter("U")
+    for unmix in (True, False):
+        sensor = options().sensor.model_copy(update={"ghosting": "floating", "unmix": unmix})
+        given = options("level").model_copy(update={"sensor": sensor})
+        if unmix:
+            PressModel([letter], given)
+        else:
+            with pytest.raises(InputError, match=r"give sensor\.unmix = true"):
+                PressModel([letter], given)
+
+
 def test_a_scan_says_how_it_was_pressed():
     given = ScanOptions(letters=("I", "L"), **WORLDS["ideal"])
     scan, _ = scan_letters(given, cache=False)
