@@ -251,7 +251,10 @@ def gather(
     if not letters:
         raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
     check_labels(letters)
-    scan = scan.of_letters(letters).untrained(_held_out(config, letters))
+    known = letters
+    if train is not None and config.letters is None:  # what is tested may be fewer than what is known
+        letters = tuple(letter for letter in letters if len(scan.where("test", letter))) or letters
+    scan = scan.of_letters(known).untrained(_held_out(config, letters))
     # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
     scan = seen_from(scan, object_origin(scan))
     return Gathered(scan, letters, work, perf_counter() - start, cache)

@@ -144,7 +144,9 @@ def _trials_asked(run: Run) -> str:
     """Say of which objects there were how many trials, and how the readings of a trial came."""
     task = f"task {run.task}; " if run.task and not run.in_space else ""
     trials = counted(run.config["trials"], "trial") + ("" if run.in_space else " each")
-    return f"{task}{' '.join(run.letters)}: {trials}, {run.protocol}, seed {run.seed}"
+    known = run.plan.scan.where("train").letters if run.plan and not run.in_space else ()
+    among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
+    return f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}"
 
 
 def _rows(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
@@ -205,7 +207,9 @@ def print_places(run: Run, folder: Path) -> None:
     if run.estimator != standard:
         nexts.append(f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}")
     elif not run.in_space:
-        nexts.append("bench run --explore information --readings 10  # it chooses where to press")
+        nexts.append(
+            "bench run --explore information --readings 10  # it chooses the touches; --explore blind does not"
+        )
     for line in nexts:
         console.print(f"next     {line}", soft_wrap=True)
 
@@ -413,7 +417,7 @@ def print_bound(found: Bound) -> None:
         f"seed {values['seed']}"
     )
     table = Table(box=None, pad_edge=False)
-    for heading in ("readings", "right", "error mm", "bound mm", "trials", "bound of classes mm", "trials"):
+    for heading in ("readings", "right", "error mm", "bound mm", "trials", "eq. 3 bound mm", "trials"):
         table.add_column(heading, justify="right")
     for reading in _rows(values["readings"], ROWS):
         k = reading - 1

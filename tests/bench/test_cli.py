@@ -206,6 +206,18 @@ def test_training_and_test_readings_may_come_from_two_files(here, scan_file, tmp
     assert result.returncode == 0, result.stderr
 
 
+def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
+    here("scan", "--letters", "IO", "--out", "known.npz")
+    here("scan", "--letters", "O", "--seed", "3", "--out", "tested.npz")
+    words = ["--train-scan", "known.npz", "--scan", "tested.npz", *SMALL, "--estimator", "histogram"]
+    assert "O (among I O): 1 trial each" in here("run", *words, "--out", "few").stdout
+    answer = json.loads(here("run", *words, "--trials", "2", "--json").stdout)
+    assert answer["letters"] == ["O"]
+    assert set(results.load(tmp_path / "few").trials.truth) == {"O"}
+    assert here("report", "few").returncode == 0
+    refused(here("run", *words, "--letters", "I"), "no test readings of letter 'I'")
+
+
 def test_noise_off_makes_readings_without_chance(here, tmp_path):
     same = ("--test-poses", "same")
     for seed in (0, 1):

@@ -32,11 +32,9 @@ LONG = {
 }  # fmt: skip
 MARKS = {page: [pytest.mark.slow] for page in SLOW} | {page: [pytest.mark.long] for page in LONG}
 
-# Files of the reader's own, which pages name without showing them: a drawing.
-OWN = {
-    "my-part.svg": '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="24mm" viewBox="0 0 20 24">'
-    '<path d="M0 0H20V5H5V24H0z"/></svg>',
-}
+# Files that pages name without showing them: a drawing of the reader's own, and the one that comes as an example.
+_PART = (Path(__file__).parents[2] / "examples" / "my-part.svg").read_text(encoding="utf-8")
+OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART}
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
@@ -71,6 +69,7 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
     monkeypatch.setattr("tactsim.bench.runs.figures.Picture.png", lambda picture, dpi=150: b"")
     for name, text in OWN.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     names = {"__name__": "page"}
     behind = []
