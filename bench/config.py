@@ -105,6 +105,7 @@ def whole_number(text: str) -> int | None:
 
 
 SOLIDS: Final = "solids"  # the task whose objects are in space; see `space.space_config`
+RECORDING: Final = "recording:"  # begins what stands for a scan's file where a public recording is meant
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
 
 
@@ -309,7 +310,10 @@ class RunConfig(ScanWords):
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
         "as the world says.",
     )
-    scan: Path | None = Field(None, description="Readings from a file instead of the press.")
+    scan: Path | None = Field(
+        None,
+        description="Readings from a file instead of the press, or recording:NAME of a public one (`bench data`).",
+    )
     train_scan: Path | None = Field(
         None, description="Training readings from another file (train on simulated, test on recorded)."
     )
@@ -400,7 +404,10 @@ class RunConfig(ScanWords):
         words = self.model_dump(
             mode="json", include={"scan", "train_scan", "presses", "given", "letters", "hold_out"}
         )
-        return json.dumps([pressed, words, *(["sequences"] if self.sequences else [])], sort_keys=True)
+        # The presses of a recording that are left out may depend on the seed.
+        left_out = [self.seed] if str(self.scan).startswith(RECORDING) else []
+        sequences = ["sequences"] if self.sequences else []
+        return json.dumps([pressed, words, *sequences, *left_out], sort_keys=True)
 
     @property
     def sequences(self) -> bool:

@@ -227,7 +227,7 @@ def gather(
     if scan is not None:
         stated_properties(scan)
     elif config.scan is not None:
-        scan = load_scan(config.scan)
+        scan = load_scan(config.scan, config.seed)
     elif config.presses is not None:
         from tactsim.bench.pad.measured import measured_scan
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
+from tactsim.bench.config import RECORDING
 from tactsim.bench.placement_kernels import distances, radius
 from tactsim.core import InputError, Scan, invert, transform, wrap_angle
 from tactsim.core.checking import checked
@@ -120,8 +121,15 @@ def stated_properties(scan: Scan) -> dict[str, Properties]:
     }
 
 
-def load_scan(path: str | Path) -> Scan:
-    """Load a scan for trials: one whose objects can be scored. Raises InputError that names the file."""
+def load_scan(path: str | Path, seed: int = 0) -> Scan:
+    """Load a scan for trials: one whose objects can be scored, from a file, or `recording:NAME` of a public recording.
+
+    seed: of the run. Raises InputError that names the file.
+    """
+    if str(path).startswith(RECORDING):
+        from tactsim.bench.formats.public_recordings import prepared_scan  # few runs need it
+
+        return prepared_scan(str(path).removeprefix(RECORDING), seed)
     scan = Scan.load(path)
     try:
         stated_properties(scan)

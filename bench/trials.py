@@ -138,7 +138,7 @@ class RecordedTouches:
 
 @dataclass(frozen=True, eq=False)
 class TouchesOfOnePress:
-    """Take each trial's touches from one test press of a scan, the presses of a letter in turn.
+    """Take each trial's touches from one test press of a scan, the presses of a letter in turn, from any of them on.
 
     So it is where nobody knows how the presses lie to each other, but how the windows of one do. Presses with fewer
     readings than a trial takes are left out.
@@ -152,7 +152,8 @@ class TouchesOfOnePress:
         test = self.scan.where("test", truth)
         press, count = _counted_presses(test)
         enough = np.unique(press[count >= self.readings])
-        return InTurn(RecordedTouches(test.chosen(press == enough[trial % len(enough)])))
+        first = generator(seed, OneTrial(truth, 0), 4).integers(len(enough))
+        return InTurn(RecordedTouches(test.chosen(press == enough[(first + trial) % len(enough)])))
 
 
 def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -10,7 +10,7 @@ import io
 import re
 import urllib.request
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -26,6 +26,7 @@ from tactsim.core.documents import read_toml
 from tactsim.core.errors import unknown
 from tactsim.core.files import read_bytes, write_bytes
 from tactsim.core.poses import FloatArray
+from tactsim.core.source_digest import source_digest
 
 KNOWN = Path(__file__).with_name("public_recordings.toml")
 _LARGEST = 1 << 28  # bytes of a file
@@ -39,13 +40,33 @@ _READ_REVERSED = slice(5, 14)  # columns of the TactileDTMF pad that its readout
 Presses = tuple[list[FloatArray], list[str]]  # of each press its readings (readings, taxels), and its label
 
 
+class Prepared(BaseModel):
+    """How a scan for trials is made of a recording.
+
+    shares: of its load, at which training readings are taken of a press while it rises. test_share: the same of a test
+    press, one of `shares`. align: whether presses are laid over each other (`pad.alignment`). cut, stride, touching: of
+    `hardware.cutting.cut`. folds: if above 0, not the recording's split: the press of each object of the number that is
+    the run's seed, modulo its presses, is to test, and all others are to train on.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    shares: tuple[Annotated[float, Field(gt=0, le=1)], ...] = (1.0,)
+    test_share: float = 1.0
+    align: bool = False
+    cut: tuple[int, int] | None = None
+    stride: int = 1
+    touching: tuple[int, float] | None = None
+    folds: int = 0
+
+
 class Recording(BaseModel):
     """What is known of a public recording.
 
     licence: an SPDX name, None where the source states none. commit: of the repository, in which the files have been
     looked at. address: of the folder of the files. unverified: what the source does not say. train: the share of each
     object's presses, the first ones, that are to train on. renamed: objects that are called otherwise in the files.
-    files: SHA-256 (hex) by their paths from `address`.
+    files: SHA-256 (hex) by their paths from `address`. scans: for trials, by name: `--scan recording:NAME`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -66,6 +87,7 @@ class Recording(BaseModel):
     renamed: dict[str, str] = Field(default_factory=dict)
     pad: Pad
     files: dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]
+    scans: dict[str, Prepared] = Field(default_factory=dict)
 
 
 def recordings() -> dict[str, Recording]:
@@ -88,7 +110,7 @@ def files_of(name: str, recording: Recording, given: Path | None = None) -> Iter
     """Give each file's path and content, checked against its SHA-256; downloads and keeps what is not there.
 
     given: the only file, or a folder that holds the files, by their paths or their names alone; nothing is downloaded
-    then. Raises InputError for a file that is missing, cannot be downloaded or has another content.
+    then, and copies are kept. Raises InputError for a file that is missing, cannot be had or has another content.
     """
     kept = cache_folder() / "recordings" / name
     for path, sha in recording.files.items():
@@ -118,20 +140,68 @@ def files_of(name: str, recording: Recording, given: Path | None = None) -> Iter
                 f"{place} is not the file of {name} that is known: its SHA-256 is {found}, not {sha}; "
                 f"take it from {recording.repository} at commit {recording.commit}"
             )
+        if given is not None:
+            write_bytes(_folder_of(kept / path), content)
         yield path, content
 
 
-def scan_of(recording: Recording, files: Iterator[tuple[str, bytes]]) -> Scan:
+def prepared_scan(name: str, seed: int) -> Scan:
+    """Make a scan for trials of a recording whose files are kept here, or read it if it was made before.
+
+    seed: of the run; says which presses are left out where the scan has `folds`. Raises InputError for an unknown name,
+    and if the files are not here, with how to get them.
+    """
+    known = {scan: (of, one) for of, one in recordings().items() for scan in one.scans}
+    if name not in known:
+        raise unknown("scan of a recording", name, tuple(known))
+    source, recording = known[name]
+    folder, how = cache_folder() / "recordings", recording.scans[name]
+    if not all((folder / source / path).exists() for path in recording.files):
+        raise InputError(
+            f"{name} is made of the public recording {source}, which is not here: `bench data get {source}` downloads "
+            f"it ({recording.size / 1e6:.1f} MB), and with --from FOLDER takes files that you have"
+        )
+    made_of = hashlib.sha256(f"{source_digest()} {recording.model_dump_json()}".encode()).hexdigest()
+    place = folder / f"{name}-{made_of[:16]}.npz"
+    if not place.exists():
+        _prepared(recording, how, files_of(source, recording)).save(_folder_of(place))
+    scan = Scan.load(place)
+    if how.folds:
+        assert scan.presses is not None
+        test = np.zeros(len(scan), dtype=bool)
+        for label in scan.letters:
+            numbers = np.unique(scan.presses[scan.labels == label])
+            test |= scan.presses == numbers[seed % len(numbers)]
+        scan = replace(scan, split=np.where(test, "test", "train"))
+    return scan
+
+
+def _prepared(recording: Recording, how: Prepared, files: Iterator[tuple[str, bytes]]) -> Scan:
+    from tactsim.bench.pad.alignment import align  # nobody else needs SciPy's transforms
+    from tactsim.hardware.cutting import cut
+
+    scan = scan_of(recording, files, how.shares)
+    if scan.moments is not None:
+        scan = scan.chosen((scan.split == "train") | (scan.moments == how.test_share))
+    if how.align:
+        scan, _ = align(scan)
+    return scan if how.cut is None else cut(scan, *how.cut, how.stride, how.touching)
+
+
+def scan_of(
+    recording: Recording, files: Iterator[tuple[str, bytes]], shares: Sequence[float] = (1.0,)
+) -> Scan:
     """Make a scan of the files (path, content) of a recording.
 
-    The readings of a press are what its loaded frames have above its idle ones. Poses are 0: none are published.
-    Raises InputError for a file of another layout.
+    The readings of a press are what its loaded frames have above its idle ones; of shares of its load below 1, what the
+    frame on the way there has that comes nearest. Poses are 0: none are published. Raises InputError for a file of
+    another layout.
     """
     presses: list[FloatArray] = []
     labels: list[str] = []
     for path, content in files:
         try:
-            found, names = _LAYOUTS[recording.layout](path, content, recording.pad)
+            found, names = _LAYOUTS[recording.layout](path, content, recording.pad, shares)
         except InputError as error:
             raise InputError(f"cannot read {path}: {error}") from error
         presses += found
@@ -150,16 +220,18 @@ def scan_of(recording: Recording, files: Iterator[tuple[str, bytes]]) -> Scan:
         recording.pad,
         unit=recording.unit,
         licence=recording.licence,
+        moments=np.tile(shares, len(counts)) if len(shares) > 1 else None,
     )
     source = {name: getattr(recording, name) for name in ("repository", "commit", "citation", "terms")}
     meta = {**scan.meta, "recording": source, "poses": recording.poses}
     return replace(scan, meta=meta, presses=np.repeat(np.arange(len(counts)), counts))
 
 
-def _press_reading(frames: FloatArray) -> FloatArray:
+def _press_reading(frames: FloatArray, share: float = 1.0) -> FloatArray:
     """Take from a press's frames (n, taxels) the mean of the longest loaded run, less the mean of the idle ones.
 
-    Loaded frames are those within a tenth of the largest total, idle ones those within a tenth of the least.
+    Of a share of the load below 1, take the frame before that run that comes nearest, since the last idle one. Loaded
+    frames are those within a tenth of the largest total, idle ones those within a tenth of the least.
     """
     total = frames.sum(axis=1)
     low, high = float(total.min()), float(total.max())
@@ -168,10 +240,15 @@ def _press_reading(frames: FloatArray) -> FloatArray:
     loaded = np.flatnonzero(total >= low + _LOADED * (high - low))
     runs = np.split(loaded, np.flatnonzero(np.diff(loaded) > 1) + 1)
     idle = frames[total <= low + _IDLE * (high - low)].mean(axis=0)
-    return np.asarray(frames[max(runs, key=len)].mean(axis=0) - idle)
+    plateau = max(runs, key=len)
+    if share == 1:
+        return np.asarray(frames[plateau].mean(axis=0) - idle)
+    before = np.flatnonzero(total[: plateau[0]] <= low + _IDLE * (high - low))
+    rise = np.arange(before[-1] if len(before) else 0, plateau[0] + 1)
+    return np.asarray(frames[rise[np.abs(total[rise] - low - share * (high - low)).argmin()]] - idle)
 
 
-def _trials(path: str, content: bytes, pad: Pad) -> Presses:
+def _trials(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
     """Read `all_trials` (presses, taxels, frames) of a MAT file that is named after its object."""
     from tactsim.bench.formats.arrays_file import mat_arrays  # SciPy's reader; `bench data` lists without it
 
@@ -180,11 +257,14 @@ def _trials(path: str, content: bytes, pad: Pad) -> Presses:
         raise InputError(f"all_trials has shape {trials.shape}, not (presses, {pad.taxels}, frames)")
     images = trials.astype(float).transpose(0, 2, 1).reshape(len(trials), -1, pad.rows, pad.columns)
     images[..., _READ_REVERSED] = images[..., _READ_REVERSED][..., ::-1]
-    readings = [_press_reading(press.reshape(len(press), -1))[None] for press in images]
+    readings = [
+        np.array([_press_reading(press.reshape(len(press), -1), share) for share in shares])
+        for press in images
+    ]
     return readings, [Path(path).stem.removesuffix("_raster")] * len(readings)
 
 
-def _grasps(path: str, content: bytes, pad: Pad) -> Presses:
+def _grasps(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
     """Read the arrays `TS` (rows, columns, frames) of a MAT file in its object's folder: readings of one grasp.
 
     Fingertips have a row less; the last one is 0 then.
@@ -207,7 +287,7 @@ def _grasps(path: str, content: bytes, pad: Pad) -> Presses:
     return [_press_reading(frames).reshape(len(whole), pad.taxels)], [Path(path).parent.name]
 
 
-def _images(path: str, content: bytes, pad: Pad) -> Presses:
+def _images(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
     """Read grey images `OBJECT/OBJECT12.jpg` of a ZIP file, the presses of each object by their numbers."""
     from matplotlib.image import imread
 
@@ -228,7 +308,7 @@ def _images(path: str, content: bytes, pad: Pad) -> Presses:
     return readings, labels
 
 
-_LAYOUTS: Mapping[str, Callable[[str, bytes, Pad], Presses]] = {
+_LAYOUTS: Mapping[str, Callable[[str, bytes, Pad, Sequence[float]], Presses]] = {
     "trials": _trials,
     "images": _images,
     "grasps": _grasps,

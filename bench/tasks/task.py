@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from tactsim.bench.config import RunConfig, merged, nested, run_config, whole_number
+from tactsim.bench.config import RECORDING, RunConfig, merged, nested, run_config, whole_number
 from tactsim.bench.score import CURVES, HEADLINES
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -224,6 +224,7 @@ def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if isinstance(value, list):
             return [placed(name, one) for one in value]
         is_path = isinstance(value, str) and (name != "world" or value.endswith(".toml"))
+        is_path = is_path and not value.startswith(RECORDING)
         return str(folder / value) if is_path else value
 
     return {name: placed(name, value) if name in _PATHS else value for name, value in words.items()}

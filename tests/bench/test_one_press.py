@@ -71,7 +71,8 @@ def test_a_trial_takes_one_press_and_presses_take_turns():
         apart, expected = compose(invert(told[0]), told), compose(invert(poses[0]), poses)
         assert np.allclose(apart[:, :2], expected[:, :2], rtol=0, atol=1e-6)
         assert np.hypot(*told[0, :2]) > 100
-    assert taken == [0, 1, 2, 0]  # the fourth press has too few windows
+    assert sorted(taken[:3]) == [0, 1, 2]  # the fourth press has too few windows
+    assert taken[3] == taken[0]
 
 
 def test_nobody_knows_the_placement_error():

@@ -184,3 +184,58 @@ def test_what_is_known_is_listed_and_names_are_checked(here):
     refused(here("data", "get"), "bench data get NAME")
     refused(here("data", "--out", "x.npz"), "bench data get NAME")
     refused(here("data", "get", "schunk5", "--from", "known.npz", "--out", "x.npz"), "51 files", "folder")
+
+
+def prepared(monkeypatch, folder, like, files, **how):
+    """Describe a recording with a scan for trials, mine-v1, whose files are kept here."""
+    known = described(like, files, scans={"mine-v1": how})
+    (folder / "known.toml").write_text(tomli_w.dumps({"mine": known}))
+    monkeypatch.setattr(public, "KNOWN", folder / "known.toml")
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(folder / "kept"))
+    laid(folder / "kept" / "recordings" / "mine", files)
+
+
+def test_moments_of_training_presses_and_light_test_presses(tmp_path, monkeypatch):
+    files, images = trials("X", np.random.default_rng(1))
+    prepared(monkeypatch, tmp_path, "dtmf7", files, shares=[0.5, 1.0], test_share=0.5)
+    scan = public.prepared_scan("mine-v1", 0)
+    assert scan.moments.tolist() == [0.5, 1, 0.5, 1, 0.5, 0.5]
+    assert scan.split.tolist() == ["train"] * 4 + ["test"] * 2
+    assert scan.presses.tolist() == [0, 0, 1, 1, 2, 3]
+    assert np.allclose(scan.readings, scan.moments[:, None] * images[scan.presses])
+    assert public.prepared_scan("mine-v1", 3).digest == scan.digest
+
+
+def test_each_seed_leaves_out_another_grasp_of_each_object(tmp_path, monkeypatch):
+    rng, files = np.random.default_rng(3), {}
+    for name, count in (("BALL", 3), ("DUCK", 2)):
+        for number in range(count):
+            files[f"{name}/grasp-{number}.mat"] = grasps(name, rng)[0][f"{name}/grasp-1.mat"]
+    prepared(monkeypatch, tmp_path, "schunk5", files, folds=3)
+    left_out = [
+        np.unique(public.prepared_scan("mine-v1", seed).where("test").presses).tolist() for seed in range(4)
+    ]
+    assert left_out == [[0, 3], [1, 4], [2, 3], [0, 4]]
+
+
+def test_a_task_on_a_recording_says_how_to_get_it_and_is_run(here, tmp_path, monkeypatch):
+    files, _ = trials("X", np.random.default_rng(1))
+    more, _ = trials("triangle", np.random.default_rng(2))
+    prepared(monkeypatch, tmp_path, "dtmf7", files | more, cut=[5, 5], stride=4)
+    kept = tmp_path / "kept" / "recordings" / "mine"
+    kept.rename(tmp_path / "there")
+    (tmp_path / "mine-v1.toml").write_text(
+        'line = "Two patterns."\nseeds = [0, 1, 2, 3, 4]\ntrials = 2\nreadings = 3\nscored = ["accuracy@3"]\n'
+        '[words]\nscan = "recording:mine-v1"\n'
+    )
+    words = ("run", "--task", "mine-v1.toml", "--estimator", "nearest", "--json")
+    refused(
+        here(*words), "mine-v1 is made of the public recording mine", "`bench data get mine`", "--from FOLDER"
+    )
+    assert here("data", "get", "mine", "--from", "there", "--out", "whole.npz").returncode == 0
+    done = here(*words)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["letters"] == ["cross", "triangle"]
+    hashed = here("tasks", "mine-v1.toml", "--hash", "--json")
+    assert len(set(json.loads(hashed.stdout)["pressed"])) == 5
+    refused(here("run", "--scan", "recording:other-v1"), "other-v1", "mine-v1")
