@@ -317,6 +317,11 @@ class RunConfig(ScanWords):
     train_scan: Path | None = Field(
         None, description="Training readings from another file (train on simulated, test on recorded)."
     )
+    train_presses: int | None = Field(
+        None,
+        ge=1,
+        description="Learn from so many training presses of each letter, spread over it, and not from all.",
+    )
     presses: Path | None = Field(
         None,
         description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
@@ -404,9 +409,12 @@ class RunConfig(ScanWords):
         words = self.model_dump(
             mode="json", include={"scan", "train_scan", "presses", "given", "letters", "hold_out"}
         )
-        # The presses of a recording that are left out may depend on the seed.
+        # Which presses are left out may depend on the seed.
         left_out = [self.seed] if str(self.scan).startswith(RECORDING) else []
         sequences = ["sequences"] if self.sequences else []
+        if self.train_presses is not None:
+            words |= {"train_presses": self.train_presses}
+            left_out = [self.seed]
         return json.dumps([pressed, words, *sequences, *left_out], sort_keys=True)
 
     @property

@@ -39,6 +39,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.origins import object_origin, seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import train_on
+from tactsim.core.seeds import stream
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, Options, create, names
@@ -255,6 +256,8 @@ def gather(
     if train is not None and config.letters is None:  # what is tested may be fewer than what is known
         letters = tuple(letter for letter in letters if len(scan.where("test", letter))) or letters
     scan = scan.of_letters(known).untrained(_held_out(config, letters))
+    if config.train_presses is not None:
+        scan = scan.with_train_presses(config.train_presses, stream(config.seed, "train_presses"))
     # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
     scan = seen_from(scan, object_origin(scan))
     return Gathered(scan, letters, work, perf_counter() - start, cache)

@@ -38,7 +38,10 @@ def command(
     calibration: pads.CalibrationFile = None,
     resume: Annotated[bool, typer.Option(help="Go on with a session that was stopped.")] = False,
     poses: Annotated[
-        str, typer.Option(help="The poses: grid (the paper's 192), or random:N off the grid.")
+        str,
+        typer.Option(
+            help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
+        ),
     ] = "grid",
     frames: guide.Frames = 20,
     force: guide.Force = "0.3:20",
@@ -48,7 +51,7 @@ def command(
         float | None,
         shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1, show_default=False),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of random poses.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of poses that are drawn.")] = 0,
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
     guide.from_behind(seen)
@@ -163,13 +166,20 @@ def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]
 
     from tactsim.bench.config import whole_number
     from tactsim.bench.pad.measured import known_letter
+    from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
     stage = stage_for(pad, known_letter(label))
-    if text == "grid":
-        return [tuple(pose) for pose in grid_poses(stage).tolist()]
+    poses = grid_poses(stage)
     kind, _, number = text.partition(":")
     count = whole_number(number)
-    if kind != "random" or count is None or not 1 <= count <= 100_000:
-        raise InputError(f"--poses {text!r}: say grid, or random:N for N poses off the grid")
-    return [tuple(pose) for pose in random_poses(np.random.default_rng(seed), count, stage.reach).tolist()]
+    if kind == "spread" and count is not None and 1 <= count <= len(poses):
+        poses = np.random.default_rng(seed).permutation(poses)
+        poses = poses[spread_out(poses, count)]
+    elif kind == "random" and count is not None and 1 <= count <= 100_000:
+        poses = random_poses(np.random.default_rng(seed), count, stage.reach)
+    elif text != "grid":
+        raise InputError(
+            f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"
+        )
+    return [tuple(pose) for pose in poses.tolist()]

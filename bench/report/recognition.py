@@ -154,6 +154,8 @@ def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
     words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
     if config.presses is not None:
         words |= {"trials", "readings"}
+    if config.train_presses is not None:
+        words |= {"train_presses", "seed"}
     which = config.model_dump(mode="json", include=words)
     key = json.dumps([options, which], sort_keys=True)
     if key not in scans:

@@ -184,7 +184,9 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     Runs with one protocol and one task name saw the same readings; without the seed, readings of the same kind.
     """
     config = run.config
-    other = {name: config[name] for name in ("scan", "train_scan", "presses") if config.get(name)}
+    other = {
+        name: config[name] for name in ("scan", "train_scan", "train_presses", "presses") if config.get(name)
+    }
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):

@@ -18,7 +18,7 @@ from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.npz import MissingArrayError, read_npz, write_npz
-from tactsim.core.poses import POSE, FloatArray
+from tactsim.core.poses import POSE, FloatArray, spread_out
 from tactsim.core.provenance import check_statements, spdx_name, statements
 
 if TYPE_CHECKING:
@@ -268,6 +268,24 @@ class Scan:
                     raise InputError(f"scan: an object is called {name!r}, which is a view of {letter!r}")
                 names[own & (self.views == view)], object_of[name] = name, letter
         return replace(self, labels=names.astype(np.str_), views=None), object_of
+
+    def with_train_presses(self, count: int, rng: np.random.Generator) -> Self:
+        """Keep that many training presses of each object, spread as far as they go, from one that is drawn.
+
+        A press is a reading where the scan does not say `presses`. Those of a smaller count are among those of a larger
+        one. Raises InputError if an object has fewer.
+        """
+        press = np.arange(len(self)) if self.presses is None else self.presses
+        kept = self.split != "train"
+        for label in self.where("train").letters:
+            of_label = (self.split == "train") & (self.labels == label)
+            pressed, first = np.unique(press[of_label], return_index=True)
+            if len(pressed) < count:
+                raise InputError(f"{label} has {len(pressed)} training presses; {count} are asked for")
+            drawn = rng.permutation(len(pressed))
+            chosen = drawn[spread_out(self.poses[of_label][first[drawn]], count)]
+            kept |= of_label & np.isin(press, pressed[chosen])
+        return self.chosen(kept)
 
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.

@@ -15,8 +15,10 @@ from matplotlib.figure import Figure
 import tactsim
 from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
 from tactsim.bench.experiment import perform
-from tactsim.bench.results import to_json
+from tactsim.bench.report.recognition import readings_of
+from tactsim.bench.results import load, save, to_json
 from tactsim.bench.runs.figures import readings_figure
+from tactsim.bench.runs.naming import task_name
 from tactsim.bench.score import error_limits
 from tactsim.bench.terminal import details
 from tactsim.core import InputError
@@ -477,3 +479,16 @@ def test_a_run_of_moments_presses_the_sequences_that_it_needs(moments):
     alone = run_config(**words)
     assert run_config(**words, set={"moments": moments}).source != alone.source
     assert run_config(**words, set={"moments": 1}).source == alone.source
+
+
+def test_a_run_learns_from_as_few_presses_as_are_asked_for(tmp_path):
+    words = {"letters": "AE", "estimator": "nearest", "trials": 2, "readings": 3}
+    few = tactsim.run(**words, train_presses=12)
+    assert np.bincount(few.plan.scan.where("train").labels == "A").tolist() == [12, 12]
+    assert len(few.plan.scan.where("test")) == 2 * 192
+    assert np.array_equal(few.trials.true_pose, tactsim.run(**words).trials.true_pose)  # the same trials
+    assert task_name(few) == "train_presses 12, letters AE"
+    save(few, tmp_path / "few")
+    assert readings_of(load(tmp_path / "few"), {}).digest == few.plan.scan.digest
+    with pytest.raises(InputError, match="A has 192 training presses; 500 are asked for"):
+        tactsim.run(**words, train_presses=500)

@@ -50,7 +50,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
         assert "36 taxels" in right(here("tare", "--port", "pad", "--out", "cal.toml"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
-            "--poses", "random:5", "--frames", "10",
+            "--poses", "spread:5", "--frames", "10",
         ]  # fmt: skip
         session = bench.start(*words)
         until = time.monotonic() + 60
@@ -172,6 +172,10 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "1:inf"], ["LEAST:MOST"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3:2"], ["must be below"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--poses", "many"], ["random:N"]),
+        (
+            ["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--poses", "spread:193"],
+            ["its 192 poses"],
+        ),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--resume"], ["cannot read recording"]),
         (["record", "--port", "x", "--out", "a.csv"], ["FILE.tactrec", "bench replay FILE.tactrec --csv"]),
         (["record", "--port", "x", "--out", "a.tactrec", "--letter", "A"], ["names the scan, FILE.npz"]),

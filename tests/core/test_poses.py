@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tactsim.core.poses import compose, invert, transform, wrap_angle
+from tactsim.core.poses import compose, invert, spread_out, transform, wrap_angle
 
 coordinates = st.floats(-100, 100)
 poses = arrays(float, 3, elements=coordinates)
@@ -70,3 +70,23 @@ def test_poses_broadcast():
     assert np.allclose(compose(many, one), [compose(pose, one) for pose in many])
     assert np.allclose(invert(many), [invert(pose) for pose in many])
     assert transform(many, np.zeros((7, 2))).shape == (4, 7, 2)
+
+
+@given(st.integers(1, 30), st.integers(0, 2**32 - 1))
+def test_poses_that_are_spread_out_lie_at_least_as_far_apart_as_any_pose_lies_from_them(count, seed):
+    rng = np.random.default_rng(seed)
+    poses = rng.uniform((-10, -10, -np.pi), (10, 10, np.pi), (30, 3)).round(1)
+    chosen = spread_out(poses, count)
+    assert chosen[0] == 0
+    assert len(set(chosen.tolist())) == count
+    points = np.column_stack([poses[:, :2], 3 * np.cos(poses[:, 2]), 3 * np.sin(poses[:, 2])])
+    apart = np.linalg.norm(points[:, None] - points[None, chosen], axis=2)
+    left = np.setdiff1d(np.arange(30), chosen)
+    between = apart[chosen][~np.eye(count, dtype=bool)]
+    if count > 1 and len(left):
+        assert apart[left].min(axis=1).max() <= between.min() + 1e-9
+    assert np.array_equal(spread_out(poses, min(count + 1, 30))[:count], chosen)
+
+
+def test_equal_poses_are_each_chosen_once():
+    assert sorted(spread_out(np.zeros((5, 3)), 5)) == [0, 1, 2, 3, 4]

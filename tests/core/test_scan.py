@@ -454,3 +454,31 @@ def test_each_view_of_training_readings_gets_a_label_and_test_readings_keep_thei
 def test_moments_that_are_no_shares_are_refused(scan, moments):
     with pytest.raises(InputError, match="moment"):
         replace(scan, moments=moments)
+
+
+def test_fewer_training_presses_are_whole_presses_and_among_those_of_a_larger_count():
+    count = 40
+    scan = Scan(
+        readings=np.zeros((count, 4)), poses=np.zeros((count, 3)), labels=np.repeat(["A", "E"], count // 2),
+        split=np.tile(["train"] * 3 + ["test"], count // 4), taxel_xy=np.zeros((4, 2)),
+        meta={}, presses=np.arange(count) // 4,
+    )  # fmt: skip
+    before: set[int] = set()
+    for presses in range(1, 6):
+        fewer = scan.with_train_presses(presses, np.random.default_rng(7))
+        train = fewer.where("train")
+        kept = set(train.presses.tolist())
+        assert before < kept
+        assert [len(np.unique(train.where(label=label).presses)) for label in "AE"] == [presses] * 2
+        assert len(train) == 3 * 2 * presses
+        assert np.array_equal(fewer.where("test").presses, scan.where("test").presses)
+        before = kept
+    assert (
+        replace(scan, presses=None)
+        .with_train_presses(5, np.random.default_rng(7))
+        .split.tolist()
+        .count("train")
+        == 10
+    )
+    with pytest.raises(InputError, match="A has 5 training presses; 6 are asked for"):
+        scan.with_train_presses(6, np.random.default_rng(7))

@@ -38,7 +38,7 @@ ODD = [
     *(["probe", "--port", port] for port in PORTS),
     ["tare", *SIMULATED, "--out", "t.toml", "--frames", N],
     ["tare", *SIMULATED, "--out", "t.toml", "--load", "nan", "--calibration", "none.toml"],
-    *([*RECORD, "--poses", f"random:{n}"] for n in (N, "²", "0", "-1", "")),
+    *([*RECORD, "--poses", f"{kind}:{n}"] for kind in ("random", "spread") for n in (N, "²", "0", "-1", "")),
     *([*RECORD, "--force", force] for force in ("nan:1", "1", "5:1")),
     [*RECORD, "--patience", "nan"],
     [*RECORD, "--letter", "\x1b[31m"],
