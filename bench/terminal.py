@@ -33,7 +33,6 @@ from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
-    from tactsim.bench.runs.pooled import Pooled
 
 STAGES = {
     "press": "pressing",
@@ -132,6 +131,8 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(line)
     for line in run.about.get("notes", []):
         console.print(f"note     {line}")
+    if run.config.get("bound") and run.about.get("no_bound"):
+        console.print(f"no bound of the error: {run.about['no_bound']}")
     if not verbose:
         return
     if "pad_fit" in run.about:
@@ -215,61 +216,27 @@ def print_places(run: Run, folder: Path) -> None:
 
 
 def print_sweep(places: list[Path]) -> None:
-    """Print one line a run, a table for each protocol and task: only what may be compared shares a table.
+    """Print one line a method, a table for each protocol and task: only what may be compared shares a table.
 
     Runs that differ in the seed alone share a line, with intervals over scans and trials.
     """
+    from tactsim.bench.runs import tables
     from tactsim.bench.runs.pooled import pool
 
-    runs = [(place, load(place)) for place in places]
-    pools = pool(run for _, run in runs)
-    if len(pools) < len(runs):
-        _print_pooled(pools)
-    else:
-        _print_single(runs)
-
-
-def _print_pooled(pools: Sequence[Pooled]) -> None:
-    from tactsim.bench.runs.pooled import cell
-
     console = plain_console()
-    for (protocol, task), alike in groupby(pools, key=lambda one: (one.protocol, one.task)):
+    for (protocol, task), grouped in groupby(
+        pool(map(load, places)), key=lambda one: (one.protocol, one.task)
+    ):
+        pools = list(grouped)
         console.print(protocol, style="bold", end="; ")
-        console.print(f"{task}; 95 % intervals over scans and trials")
+        console.print(f"{task}; {tables.made_of(pools)}")
+        head, *rows = tables.plain_rows(pools, [*tables.usual_figures(pools), "ms"])
         table = Table(box=None, pad_edge=False)
-        table.add_column("runs", overflow="fold")
-        for heading in ("seeds", "right @5", "right @end", "95 % by", "error mm @end"):
+        table.add_column(head[0], overflow="fold")
+        for heading in head[1:]:
             table.add_column(heading, justify="right")
-        for one in alike:
-            last = one.runs[0].readings
-            figures = [f"right@{min(5, last)}", f"right@{last}", "settled_95", f"error@{last}"]
-            table.add_row(one.label, str(len(one.runs)), *(cell(one, figure) for figure in figures))
-        console.print(table)
-
-
-def _print_single(runs: Sequence[tuple[Path, Run]]) -> None:
-    from tactsim.bench.runs.naming import collect
-
-    console = plain_console()
-    for group in collect(runs):
-        console.print(group.protocol, style="bold", end="; ")
-        console.print(group.task)
-        table = Table(box=None, pad_edge=False)
-        table.add_column("run", overflow="fold")
-        for heading in ("right @5", "@10", "@end", "all from", "95 % by", "error mm", "ms"):
-            table.add_column(heading, justify="right")
-        for entry in group.entries:
-            summary, trials = entry.summary, entry.trials
-            accuracy, error = summary["accuracy"], summary["error_mm"][-1]
-            table.add_row(
-                entry.label,
-                *(f"{accuracy[k - 1]:.3f}" if k <= len(accuracy) else "" for k in (5, 10)),
-                f"{accuracy[-1]:.3f}",
-                str(summary["all_right_from"] or "-"),
-                str(summary["settled_95"] or "-"),
-                _number(error, 2),
-                f"{1e3 * float(trials.seconds.mean()):.3f}",
-            )
+        for row in rows:
+            table.add_row(*row)
         console.print(table)
 
 
@@ -300,22 +267,10 @@ def _details_in_space(run: Run) -> list[str]:
 
 
 def _details_in_plane(run: Run) -> list[str]:
-    summary, seconds, readings, lines = run.summary, run.times["seconds"], run.readings, list[str]()
-    if summary["error_mm"][-1] is not None:
-        lines.append(
-            f"error at reading {readings}: {summary['error_mm'][-1]:.2f} mm where the letter is right, "
-            f"{summary['error_all_mm'][-1]:.2f} mm over all trials"
-        )
+    seconds, readings, lines = run.times["seconds"], run.readings, list[str]()
     if run.against_bound["bound_mm"][-1] is not None:
         lines.append(
             f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
-        )
-    if run.config.get("bound") and run.about.get("no_bound"):
-        lines.append(f"no bound of the error: {run.about['no_bound']}")
-    if run.summary["sharpness_mm"][-1] is not None:
-        lines.append(
-            f"90 % region of the pose at reading {readings}: radius {run.summary['sharpness_mm'][-1]:.2f} mm; "
-            f"it holds the truth in {run.summary['coverage_90'][-1]:.0%} of the trials whose letter is right"
         )
     if run.about["classifier_agreement"] is not None:
         lines.append(

@@ -44,7 +44,7 @@ def refused(*words):
 
 @pytest.mark.long
 def test_a_run_prints_its_table_and_leaves_its_folder_and_its_page(capsys, tmp_path):
-    bench(*RUN, "--out", "here")
+    bench(*RUN, "--verbose", "--out", "here")
     out = capsys.readouterr().out
     for word in ("touches", "95 % interval", "degrees", "a recognition of 3 touches", "presses"):
         assert word in out
