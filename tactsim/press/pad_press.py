@@ -13,7 +13,7 @@ from numba import boolean, float64, int64, types
 
 from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
-from tactsim.press.layer_balance import balance
+from tactsim.press.layer_balance import approach, balance
 from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
 from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place
 
@@ -144,8 +144,8 @@ def turn_contacts(
 
 
 @compiled(POSE(POSE, LOAD, float64, REALS), called_from_python=False)
-def sunken(pose: Pose, load: Load, approach: float, turn: Reals) -> Pose:
-    """Move a body by what balances a load, so that it sinks `approach` mm in; turn: (3,) rad about the load's centre.
+def sunken(pose: Pose, load: Load, depth: float, turn: Reals) -> Pose:
+    """Move a body by what balances a load, so that it sinks `depth` mm in; turn: (3,) rad about the load's centre.
 
     The turn is that of the surface about the body: the body turns the other way.
     """
@@ -159,7 +159,7 @@ def sunken(pose: Pose, load: Load, approach: float, turn: Reals) -> Pose:
     rotations, positions = np.zeros_like(pose.rotations), np.empty_like(pose.positions)
     for geom in range(len(positions)):
         for i in range(3):
-            positions[geom, i] = load.centre[i] - approach * load.direction[i]
+            positions[geom, i] = load.centre[i] - depth * load.direction[i]
             for j in range(3):
                 positions[geom, i] += turning[i, j] * (pose.positions[geom, j] - load.centre[j])
                 for k in range(3):
@@ -168,16 +168,16 @@ def sunken(pose: Pose, load: Load, approach: float, turn: Reals) -> Pose:
 
 
 @compiled(
-    types.Tuple((CARRIED, POSE, float64))(FACE, SPRINGS, BODY, POSE, LOAD, REALS, REALS, float64),
+    types.Tuple((CARRIED, POSE, float64, float64))(FACE, SPRINGS, BODY, POSE, LOAD, REALS, REALS, float64),
     called_from_python=False,
 )
 def press_cells(
     face: Face, springs: Springs, body: Body, pose: Pose, load: Load, u: Reals, v: Reals, sunk: float
-) -> tuple[Carried, Pose, float]:
+) -> tuple[Carried, Pose, float, float]:
     """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
 
     sunk: mm by which the body was moved along the load already. Returns also the body as it lies where the
-    load is balanced, and how far it is sunk there.
+    load is balanced, how far it is sunk there, and by how much more it would be without a turn.
     """
     columns, rows = len(u) - 1, len(v) - 1
     cells, du, dv = rows * columns, u[1] - u[0], v[1] - v[0]
@@ -210,7 +210,7 @@ def press_cells(
             basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
     forces, moved = np.zeros(cells), np.zeros((2, cells))
     if weight.sum() == 0:
-        return Carried(forces.reshape(rows, columns), moved, u, v), pose, sunk
+        return Carried(forces.reshape(rows, columns), moved, u, v), pose, sunk, 0.0
     motion = balance(gap, weight, basis, load.force)
     for i in range(len(met)):
         depth = -gap[i]
@@ -229,6 +229,7 @@ def press_cells(
         Carried(forces.reshape(rows, columns), moved, u, v),
         sunken(pose, load, motion[0], turn),
         sunk + motion[0],
+        approach(gap, weight, basis[0], load.force),
     )
 
 
@@ -281,7 +282,7 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
         if (high <= low).any():
             break
         u, v = edges(low[0], high[0], _SEARCH), edges(low[1], high[1], _SEARCH)
-        carried, moved, sunk = press_cells(face, springs, body, pose, load, u, v, 0.0)
+        carried, moved, sunk, straight = press_cells(face, springs, body, pose, load, u, v, 0.0)
         size, cell = high - low, (high - low) / _SEARCH
         first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
         for row in range(_SEARCH):
@@ -316,8 +317,9 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
                 most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
             count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / springs.pitch), least), most)
             u, v = edges(low[0], high[0], int(count[0])), edges(low[1], high[1], int(count[1]))
-            carried, _, sunk = press_cells(face, springs, body, moved, load, u, v, sunk)
-            return carried, sunk
+            carried, _, sunk, _ = press_cells(face, springs, body, moved, load, u, v, sunk)
+            # A body that stands on its rim turns, and sinks, without end: that says nothing about the layer.
+            return carried, straight if load.spreads.any() else sunk
     return carried, 0.0
 
 

@@ -102,8 +102,10 @@ class PadReader:
         self._own = np.zeros(model.ngeom + 1, dtype=bool)  # the last: what is no geom
         self._own[list(geoms)] = True
         felt = touchable(model, self.geoms)
+        reach = surface.high - surface.low
+        self._reach = np.sqrt(reach @ reach) / _MM  # m from the pad's middle
         self._felt_geoms = [
-            np.flatnonzero(felt & (model.body_weldid[model.geom_bodyid] == body))
+            np.flatnonzero(felt & (model.body_weldid[model.geom_bodyid] == body)).tolist()
             for body in range(model.nbody)
         ]
 
@@ -215,7 +217,7 @@ class PadReader:
                 stacklevel=3,
             )
         kpa = _KPA / self._area * np.maximum(image.ravel(), 0)
-        shear_kpa = np.outer(kpa, load.shear[:2] / force)
+        shear_kpa = kpa[:, None] * (load.shear[:2] / force)
         return PadReading(kpa, shear_kpa, force, force - inside, load.shear, len(load.press.points))
 
     def _turning(self, data: mujoco.MjData, body: int, rotation: FloatArray) -> FloatArray:
@@ -235,16 +237,17 @@ class PadReader:
     ) -> tuple[Body, Pose]:
         """List the geoms of a load's body that may touch the face, but for those that touch it another way."""
         elsewhere = {geom for other in loads if other is not load for geom in other.geoms}
-        reach = self.surface.high - self.surface.low
-        away = np.sqrt(reach @ reach) / _MM
-        geoms: list[int] = []
-        for geom in {*load.geoms, *self._felt_geoms[load.body].tolist()} - elsewhere:
+        geoms = list(load.geoms)
+        for geom in self._felt_geoms[load.body]:
+            if geom in load.geoms or geom in elsewhere:
+                continue
             radius, apart = self.model.geom_rbound[geom], data.geom_xpos[geom] - origin
-            if geom in load.geoms or radius == 0 or radius >= np.sqrt(apart @ apart) - away:
+            if radius == 0 or radius >= np.sqrt(apart @ apart) - self._reach:
                 geoms.append(geom)
-        key = tuple(geoms)
+        key = tuple(sorted(geoms))
         if key not in self._bodies:
-            self._bodies[key] = body_of(self.model, geoms)
+            self._bodies[key] = body_of(self.model, key)
+        geoms = list(key)
         rotations = rotation.T @ data.geom_xmat[geoms].reshape(-1, 3, 3)
         return self._bodies[key], Pose(rotations, (data.geom_xpos[geoms] - origin) @ rotation * _MM)
 

@@ -7,7 +7,9 @@ What they read is compared by `make referees`.
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
+from pathlib import Path
 from time import process_time
 
 import mujoco
@@ -20,6 +22,7 @@ SIX = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
 WIDE = Pad(
     rows=18, columns=41, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
 )
+HAND = Path(__file__).parents[2] / "examples" / "hand" / "grasp.py"
 FACE = 0.005  # m, height of the finger's face
 FAR = 1.0  # m from touch_grid's site to the face, so that its equal angles are equal lengths
 
@@ -87,11 +90,34 @@ def time_readings(rounds: int = 7, steps: int = 60) -> dict[str, float]:
     return times
 
 
+def time_hand(rounds: int = 20, repeats: int = 5) -> None:
+    """Time a reading of the five pads of the hand in examples/hand, and a step, while it holds each of its objects."""
+    spec = importlib.util.spec_from_file_location("grasp", HAND)
+    hand = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hand)
+    for name in hand.OBJECTS:
+        _, readers = hand.scene(name)
+        for _, held, _ in hand.grasp(name, 2.0):
+            data = held
+        model, times = readers[0].model, np.full(2, np.inf)
+        for _ in range(rounds):
+            start = process_time()
+            for _ in range(repeats):
+                for reader in readers:
+                    reader.read(data)
+            read = process_time()
+            for _ in range(repeats):
+                mujoco.mj_step(model, data)
+            times = np.minimum(times, [(read - start) / repeats, (process_time() - read) / repeats])
+        print(f"five pads, {name}: read {times[0] * 1e3:.2f} ms, step {times[1] * 1e3:.2f} ms")
+
+
 def main() -> None:
     """Print the table."""
     times = time_readings()
     for name, value in times.items():
         print(f"{name:<28}{value * 1e6:>10.0f} us{value / times['mj_step']:>8.1f}")
+    time_hand()
 
 
 if __name__ == "__main__":
