@@ -83,10 +83,10 @@ class Pooled:
         return _counts_of(tuple(len(run.trials.truth) for run in self.runs))
 
     def mean(self, values: ArrayLike, of: ArrayLike | None = None) -> Figure:
-        """Average values (n,) of the trials, of those only that `of` (n,) marks."""
+        """Average values (n,) of the trials, of those only that `of` (n,) marks; None if one is NaN: not known."""
         values = np.asarray(values, dtype=float)
         marked = np.ones(len(values)) if of is None else np.asarray(of, dtype=float)
-        if not marked.any():
+        if not marked.any() or np.isnan(values[marked > 0]).any():
             return Figure(None, None, None)
         number = self.counts @ marked
         drawn = (self.counts @ (values * marked))[number > 0] / number[number > 0]

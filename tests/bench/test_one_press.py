@@ -7,6 +7,7 @@ import pytest
 
 import tactsim
 from tactsim.bench.placement import properties
+from tactsim.bench.runs.pooled import pool
 from tactsim.bench.trials import OneTrial, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators import Estimate, Estimator, Options
@@ -98,3 +99,11 @@ def test_a_run_with_unknown_poses_is_read_again(tmp_path):
     again = tactsim.Run.load(tmp_path / "run")
     assert again.summary == run.summary
     assert not again.objects["A"].placed
+
+
+def test_runs_with_unknown_poses_are_pooled_without_a_placement_error():
+    runs = [
+        tactsim.run(scan=windows(), estimator="nearest", trials=2, readings=3, seed=seed) for seed in (0, 1)
+    ]
+    (pooled,) = pool(runs)
+    assert pooled.mean(pooled.errors[:, -1], pooled.trials.named[:, -1]).value is None
