@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +30,7 @@ DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 # What of a file's metadata would differ from one time to the next.
 _DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
+LONGEST_LABEL = 48  # characters of a method in a legend
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
 # Of the axes of `pareto_figure`, about what a letter of a note is wide, and a line high.
 _LETTER, _LINE = 0.016, 0.045
@@ -134,7 +136,7 @@ def readings_figure(group: Group) -> Figure:
                 axes.fill_between(seen, below, above, color=style["color"], alpha=0.1, lw=0)
                 axes.plot(seen, curve, **style)
             printed = paper.in_figure(entry.run)
-            if printed is not None:
+            if printed is not None and printed.readings <= entry.readings:
                 left.plot(
                     printed.readings, printed.share, marker="*", ms=13, mec="black", ls="none", clip_on=False, zorder=5,
                     color=style["color"], label=f"the paper, {printed.amount:,} {printed.option}",
@@ -175,7 +177,12 @@ def _plain_log(axis: Axis) -> None:
 
 def _legend(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
+    labels = [
+        textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL] for label in labels
+    ]
     columns = min(3 if max(map(len, labels)) > 24 else 4, len(labels))
+    rows = -(-len(labels) // columns)
+    figure.set_figheight(figure.get_figheight() + 0.19 * max(0, rows - 6))  # inches: the plots keep theirs
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=9)
 
 
@@ -188,8 +195,9 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
     )
     letters = len(group.entries[0].run.about["letters"])
     task = "" if group.task == "defaults" else f"{group.task}; "
+    caption = f"{task}{letters} letters, {counts} trials of {scans} scans, {group.protocol}. {text}"
     figure.supxlabel(
-        f"{task}{letters} letters, {counts} trials of {scans} scans, {group.protocol}. {text}",
+        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 170)),
         fontsize=8,
         color="#444444",
     )

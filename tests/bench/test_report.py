@@ -344,6 +344,9 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
 
 def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol(seeds, runs, tmp_path):
     write_report([seeds[0]], tmp_path / "r.html")
+    (group,) = collect(loaded([seeds[0]]))
+    marks = [line.get_label() for line in readings_figure(group).axes[0].lines]
+    assert marks == ["histogram, 1,000 bins"], "the paper's 46 readings lie beyond these twelve"
     (task,) = data_of(tmp_path / "r.html")["protocols"][0]["tasks"]
     (printed,) = task["printed"]
     assert (printed["readings"], printed["share"], printed["error"], printed["bins"]) == (

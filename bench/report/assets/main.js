@@ -49,7 +49,7 @@ function readingsSection(task) {
   };
   const left = curves({
     title: "Share of trials right", alt: "Accuracy against readings seen",
-    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy), stars,
+    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy), stars: stars.filter((one) => one.x <= last),
   }, move);
   const right = curves({
     title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
