@@ -83,7 +83,7 @@ $(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
 	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
