@@ -1,6 +1,7 @@
 """Compile the kernels of the plane and keep them for later runs: `python -m tactsim.bench.compile_kernels`.
 
-Without it the first run that needs a kernel compiles it. Those of solids, which few runs need, are left to that.
+Without it the first run that needs a kernel compiles it. Those of solids and of pads on others' robots, which few runs
+need, are left to that.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from pathlib import Path
 from tactsim.core.compiling import HOLDS_KERNELS
 from tactsim.core.source_digest import python_files
 
-_OF_SOLIDS = ("tactsim.estimators.space.", "tactsim.press.space.")
+_SELDOM_NEEDED = (
+    "tactsim.estimators.space.", "tactsim.press.space.",
+    "tactsim.press.pad_", "tactsim.press.geom_gap", "tactsim.press.layer_balance",
+)  # fmt: skip
 
 
 def compile_kernels() -> None:
@@ -26,13 +30,13 @@ def compile_kernels() -> None:
 
 
 def modules_with_kernels() -> list[str]:
-    """List the modules that hold kernels, but for those of solids, without importing them."""
+    """List the modules that hold kernels, but for those that few runs need, without importing them."""
     names = [
         "tactsim." + name.removesuffix(".py").replace(os.sep, ".")
         for name, path in python_files("tactsim")
         if HOLDS_KERNELS in Path(path).read_bytes()
     ]
-    return [name for name in names if not name.startswith(_OF_SOLIDS)]
+    return [name for name in names if not name.startswith(_SELDOM_NEEDED)]
 
 
 def _import(module: str) -> None:

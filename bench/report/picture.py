@@ -176,9 +176,14 @@ def _plain_log(axis: Axis) -> None:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
+    # Matplotlib leaves out what begins with an underscore, as a method of `__main__` does.
+    named = [(line, str(line.get_label())) for line in axes.lines]
+    handles = [line for line, label in named if not label.startswith("_child")]
     labels = [
-        textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL] for label in labels
+        (" " if label.startswith("_") else "")
+        + (textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL])
+        for _, label in named
+        if not label.startswith("_child")
     ]
     columns = min(3 if max(map(len, labels)) > 24 else 4, len(labels))
     rows = -(-len(labels) // columns)

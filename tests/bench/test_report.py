@@ -499,6 +499,15 @@ def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path):
     ]
 
 
+def test_a_method_that_was_written_in_a_notebook_is_in_the_legend(runs):
+    run = results.load(runs.small)
+    run = replace(run, config=run.config | {"estimator": "__main__:Mine"})
+    (group,) = collect([(runs.small, run)])
+    (legend,) = readings_figure(group).legends
+    assert [text.get_text().strip() for text in legend.get_texts()] == [group.entries[0].label]
+    assert group.entries[0].label.startswith("__main__:Mine")
+
+
 def test_a_configuration_of_another_version_is_shown_but_not_done_again(runs, copied, tmp_path):
     folder = copied(runs.small)
     content = json.loads((folder / "run.json").read_text())
