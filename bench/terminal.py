@@ -89,6 +89,7 @@ def _lines(console: Console) -> Iterator[Report]:
     """Write a line at each stage's end and every LINE_EVERY seconds, also while nothing new is reported."""
     start, ended = monotonic(), Event()
     latest: list[str] = []
+    began: dict[str, float] = {}  # when each stage had its first report
 
     def write() -> None:
         if latest:
@@ -96,6 +97,9 @@ def _lines(console: Console) -> Iterator[Report]:
 
     def report(stage: str, done: int, total: int) -> None:
         line = f"{STAGES.get(stage, stage)}: {done:,} of {total:,} done"
+        since = monotonic() - began.setdefault(stage, monotonic())
+        if 0 < done < total:
+            line += f", about {since * (total - done) / done:.0f} s left"
         if latest != [line]:
             latest[:] = [line]
             if done == total:

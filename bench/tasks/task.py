@@ -68,6 +68,11 @@ class Task(BaseModel):
         return hashlib.sha256(" ".join(self.hashes).encode()).hexdigest() if self.hashes else None
 
     @property
+    def pressed(self) -> bool:
+        """Tell whether its readings are pressed, and do not come from a recording or a file."""
+        return self._config({}).pressed
+
+    @property
     def letters(self) -> tuple[str, ...]:
         """List what is tried, held out or not: letters and shapes; () if a file of readings says which."""
         config = self._config({})

@@ -8,7 +8,7 @@
 Lives here: the environments of the frozen tasks, one alone and many at once, their rewards, and reference policies.
 Does not live here: how an object is pressed, what estimators believe, how a run is scored; nothing else imports this.
 
-Importing it registers every task of `tactsim.bench.tasks` as `tactsim/NAME`. It needs the extra `env`.
+Importing it registers every task of `tactsim.bench.tasks` that is pressed as `tactsim/NAME`. It needs the extra `env`.
 """
 
 try:
@@ -27,9 +27,9 @@ __all__ = ["Reward", "TouchEnv", "TouchVectorEnv"]
 
 
 def _register() -> None:
-    """Register every task that is not registered yet."""
+    """Register every task that is not registered yet; what was recorded cannot be pressed."""
     for name in tasks.names():
-        if f"tactsim/{name}" not in gymnasium.registry:
+        if tasks.task(name).pressed and f"tactsim/{name}" not in gymnasium.registry:
             gymnasium.register(
                 id=f"tactsim/{name}",
                 entry_point="tactsim.env.touch_env:TouchEnv",

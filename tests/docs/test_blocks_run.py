@@ -38,6 +38,7 @@ OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART}
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
+    ("docs/attach.md", "your robot is not here"),
     ("docs/data.md", "it downloads"),
     (
         "docs/hardware.md",

@@ -21,7 +21,7 @@ from tactsim.env.reward import entropy
 from tactsim.env.touch_spaces import say_action, touch_action
 from tactsim.estimators import NONE, create
 
-IDS = [f"tactsim/{name}" for name in tasks.names()]
+IDS = [f"tactsim/{name}" for name in tasks.names() if tasks.task(name).pressed]
 LETTERS = "tactsim/letters-offgrid-v1"
 
 
