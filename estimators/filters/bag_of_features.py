@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
-from tactsim.estimators.filters.states import probabilities
+from tactsim.estimators.estimator import Options, check_order
+from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 
 # What is added to each count, so that a word that a letter never gave is improbable and not impossible (Jeffreys).
 _UNSEEN = 0.5
@@ -25,26 +25,21 @@ class BagOptions(Options):
     )
 
 
-class BagOfFeatures(Estimator):
+class BagOfFeatures(ReadingClassifier):
     """Recognise an object by how often it gives each kind of reading (Schneider et al. 2009).
 
     A tactile image is a feature. The training readings of all letters are clustered by k-means: the centres are the
     words of a vocabulary. A letter is the histogram of its words. A reading counts as its nearest word, and the words
-    of a sequence as independent (naive Bayes). Poses are not looked at, neither of the training readings nor of those
-    that are taken in, so nothing is said of where the object lies: the pose is always the middle of the prior, 0, 0, 0,
-    which has the least expected squared error while nothing is known.
+    of a sequence as independent. Poses of the training readings are not looked at either.
 
     words: (words, taxels) kPa.
     """
 
     options_type = BagOptions
     options: BagOptions
-    draws = False
 
     def __init__(self, options: BagOptions) -> None:
         super().__init__(options)
-        self.labels: tuple[str, ...] = ()
-        self._started = False
         self._compared = 0
 
     def fit(self, scan: Scan) -> None:
@@ -54,7 +49,7 @@ class BagOfFeatures(Estimator):
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
-        self.labels = train.letters
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
         different = np.unique(train.readings, axis=0)
         # It begins with as many of the readings, evenly spread over their order, so that no numbers are drawn.
         count = min(self.options.words, len(different))
@@ -67,24 +62,9 @@ class BagOfFeatures(Estimator):
         smoothed = counts + _UNSEEN
         self._log_share = np.log(smoothed / smoothed.sum(axis=1, keepdims=True))
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence: every letter is equally probable again."""
-        check_order(bool(self.labels), "fit", "reset")
-        self._log_p = np.zeros(len(self.labels))
-        self._started = True
-
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) kPa; its pose is checked and not used."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, _ = check_reading(reading, sensor_in_robot, self.words.shape[1])
-        self._log_p += self._log_share[:, self._nearest(values[None])[0]]
+    def _log_p_of(self, reading: FloatArray) -> FloatArray:
         self._compared += len(self.words)
-
-    def estimate(self) -> Estimate:
-        """Say which letter it is; of the place nothing is known."""
-        check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._log_p - self._log_p.max())
-        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+        return np.asarray(self._log_share[:, self._nearest(reading[None])[0]])
 
     def _nearest(self, readings: FloatArray) -> NDArray[np.intp]:
         """Find the number of the nearest word of each of (n, taxels) readings."""

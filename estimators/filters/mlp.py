@@ -7,13 +7,13 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
-from tactsim.estimators.filters.states import probabilities
+from tactsim.estimators.estimator import Options, check_order
+from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 from tactsim.estimators.likelihoods.folds import by_letter, folds
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps_by
@@ -40,7 +40,7 @@ class MlpOptions(Options):
     )
 
 
-class Mlp(Estimator):
+class Mlp(ReadingClassifier):
     """Name the letter of each reading by a multilayer perceptron, and multiply the probabilities (naive Bayes).
 
     What the network sees is a reading divided by its scale. It is trained on virtual readings at random poses, rendered
@@ -49,13 +49,11 @@ class Mlp(Estimator):
     of a sequence is ~ prod_t p(letter | z_t)^(1/T). The temperature T (Guo et al. 2017) is learned from a quarter of
     the training positions, by a second network that is trained without them.
 
-    Poses are not looked at beyond the training, so nothing is said of where the object lies: the pose is always the
-    middle of the prior, 0, 0, 0, which has the least expected squared error while nothing is known.
+    Poses are not looked at beyond the training.
     """
 
     options_type = MlpOptions
     options: MlpOptions
-    draws = False
 
     def __init__(self, options: MlpOptions) -> None:
         super().__init__(options)
@@ -63,8 +61,6 @@ class Mlp(Estimator):
             raise InputError(
                 "estimator mlp needs scikit-learn, the extra learned: pip install 'tactsim[learned]'"
             )
-        self.labels: tuple[str, ...] = ()
-        self._started = False
         self._named = 0
 
     def fit(self, scan: Scan) -> None:
@@ -72,7 +68,7 @@ class Mlp(Estimator):
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
-        self.labels = train.letters
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
         # In the order of their names, so that it does not matter in which order letters were pressed.
         first = _first_alike(train)
         different = sorted(set(first.values()))
@@ -142,25 +138,11 @@ class Mlp(Estimator):
         p = np.asarray(net.predict_proba(self._seen(readings)), dtype=float)
         return np.log((1 - _OUTLIER) * p + _OUTLIER / p.shape[1])
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence: every letter is equally probable again."""
-        check_order(bool(self.labels), "fit", "reset")
-        self._sum = np.zeros(len(self.labels))
-        self._started = True
-
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) kPa; its pose is checked and not used."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, _ = check_reading(reading, sensor_in_robot, len(self._model.gain))
-        if self._net is not None:
-            self._sum += self._log_p(self._net, values[None])[0, self._number] / self.temperature
+    def _log_p_of(self, reading: FloatArray) -> FloatArray:
         self._named += 1
-
-    def estimate(self) -> Estimate:
-        """Say which letter it is; of the place nothing is known."""
-        check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._sum - self._sum.max())
-        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+        if self._net is None:
+            return np.zeros(len(self.labels))
+        return np.asarray(self._log_p(self._net, reading[None])[0, self._number] / self.temperature)
 
     @property
     def work(self) -> dict[str, Any]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
-from tactsim.estimators.filters.states import probabilities
+from tactsim.estimators.estimator import Options, check_order
+from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 from tactsim.estimators.likelihoods.folds import FOLDS
 
 _RADII, _ANGLES, _HARMONICS = 24, 36, 6
@@ -32,7 +32,7 @@ class SpectrumOptions(Options):
     )
 
 
-class Spectrum(Estimator):
+class Spectrum(ReadingClassifier):
     """Name the letter of each reading by its spectrum, and multiply the probabilities (naive Bayes).
 
     The amplitude of a reading's Fourier transform does not change where the object is shifted, and turns where it is
@@ -42,18 +42,14 @@ class Spectrum(Estimator):
     logarithms of these features, of zero mean and unit variance, go to a multinomial logistic regression. Its
     temperature (Guo et al. 2017) is learned from left-out presses.
 
-    A press must hold all of an object: windows of it have spectra of their own. Poses are not looked at, so nothing is
-    said of where the object lies: the pose is always the middle of the prior, 0, 0, 0.
+    A press must hold all of an object: windows of it have spectra of their own.
     """
 
     options_type = SpectrumOptions
     options: SpectrumOptions
-    draws = False
 
     def __init__(self, options: SpectrumOptions) -> None:
         super().__init__(options)
-        self.labels: tuple[str, ...] = ()
-        self._started = False
         self._named = 0
 
     def fit(self, scan: Scan) -> None:
@@ -61,7 +57,7 @@ class Spectrum(Estimator):
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
-        self.labels = train.letters
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
         self._idle = find_idle(train.readings)
         self._waves = _waves(train.taxel_xy)
         self._floor = _FLOOR * float(np.abs(self._idle.rise(train.readings)).sum(axis=1).mean()) or 1.0
@@ -123,26 +119,11 @@ class Spectrum(Estimator):
         bounds = np.log([_COLDEST, _HOTTEST])
         return float(np.exp(minimize_scalar(surprise, bounds=bounds, method="bounded").x))
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence: every letter is equally probable again."""
-        check_order(bool(self.labels), "fit", "reset")
-        self._sum = np.zeros(len(self.labels))
-        self._started = True
-
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) in the scan's unit; its pose is checked and not used."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, _ = check_reading(reading, sensor_in_robot, len(self._waves))
-        features = (self._features(values[None]) - self._mean) / self._spread
+    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+        features = (self._features(reading[None]) - self._mean) / self._spread
         scores = (features @ self._weights[:-1] + self._weights[-1]) / self.temperature
-        self._sum += _with_outliers(_log_softmax(scores))[0]
         self._named += 1
-
-    def estimate(self) -> Estimate:
-        """Say which letter it is; of the place nothing is known."""
-        check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._sum - self._sum.max())
-        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+        return _with_outliers(_log_softmax(scores))[0]
 
     @property
     def work(self) -> dict[str, Any]:

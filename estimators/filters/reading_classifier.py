@@ -1,0 +1,52 @@
+"""What estimators share that name the letter of each reading, whatever its pose: Bayes' rule over the readings."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
+from tactsim.estimators.filters.states import probabilities
+
+
+class ReadingClassifier(Estimator):
+    """Multiply what each reading says of the letter (naive Bayes). A subclass implements `fit` and `_log_p_of`.
+
+    Poses are not looked at, so nothing is said of where the object lies: the pose is always the middle of the prior,
+    0, 0, 0, which has the least expected squared error while nothing is known.
+
+    labels: the letters. taxels: of a reading. Both are set by `fit`.
+    """
+
+    draws = False
+
+    def __init__(self, options: Options) -> None:
+        super().__init__(options)
+        self.labels: tuple[str, ...] = ()
+        self.taxels = 0
+        self._started = False
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence: every letter is equally probable again."""
+        check_order(bool(self.labels), "fit", "reset")
+        self._sum = np.zeros(len(self.labels))
+        self._started = True
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) in the scan's unit; its pose is checked and not used."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        values, _ = check_reading(reading, sensor_in_robot, self.taxels)
+        self._sum += self._log_p_of(values)
+
+    def estimate(self) -> Estimate:
+        """Say which letter it is; of the place nothing is known."""
+        check_order(self._started, "reset" if self.labels else "fit", "estimate")
+        p = np.exp(self._sum - self._sum.max())
+        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+
+    @abstractmethod
+    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+        """Say what a reading (taxels,) adds to the log-probability of each letter, (letters,), up to a constant."""
