@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -26,7 +26,15 @@ if TYPE_CHECKING:
 
 SPLITS = ("train", "test")
 _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
-_OF_PRESSES = ("loads", "presses", "moments", "views")
+# What holds of so many readings where a scan does not say it: nobody knows the load, each is a press of its own, under
+# the whole load, of its object's one view.
+_UNSAID: dict[str, Callable[[int], NDArray[Any]]] = {
+    "loads": lambda count: np.full(count, np.nan),
+    "presses": np.arange,
+    "moments": np.ones,
+    "views": lambda count: np.zeros(count, np.int64),
+}
+_OF_PRESSES = tuple(_UNSAID)
 _LONGEST_NAME = 100  # characters of a label
 
 
@@ -114,14 +122,12 @@ class Scan:
         self._check_shapes(
             poses=(count, len(self.POSE)), labels=(count,), split=(count,), taxel_xy=(taxels, 2)
         )
-        if self.loads is not None:
-            object.__setattr__(self, "loads", _as_loads(self.loads, count))
-        if self.presses is not None:
-            object.__setattr__(self, "presses", _as_whole_numbers("presses", self.presses, count))
-        if self.views is not None:
-            object.__setattr__(self, "views", _as_whole_numbers("views", self.views, count))
-        if self.moments is not None:
-            object.__setattr__(self, "moments", _as_moments(self.moments, count))
+        checked = {"loads": _as_loads, "moments": _as_moments}
+        for name in _OF_PRESSES:
+            if getattr(self, name) is not None:
+                array = checked.get(name, partial(_as_whole_numbers, name))(getattr(self, name), count)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
 
     def _check_shapes(self, **wanted: tuple[int, ...]) -> None:
         for name, shape in wanted.items():
@@ -305,11 +311,8 @@ class Scan:
             )
         both = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in self._ARRAYS[:4]]
         readings, poses, labels, split = both
-        return Scan(
-            readings, poses, labels, split, self.taxel_xy, meta, **_joined_sequences(self, other),
-            loads=_joined_loads(self, other), presses=_joined_presses(self, other),
-            moments=_joined_moments(self, other), views=_joined_views(self, other),
-        )  # fmt: skip
+        others = _joined_sequences(self, other) | _joined_entries(self, other)
+        return Scan(readings, poses, labels, split, self.taxel_xy, meta, **others)
 
     def licensed(self, licence: str) -> Scan:
         """State the licence of the readings, by its SPDX name.
@@ -435,52 +438,45 @@ def as_names(name: str, values: Any) -> NDArray[np.str_]:
     return array
 
 
-def _as_loads(values: Any, count: int) -> FloatArray:
-    """Return the loads of `count` presses, N, read only; NaN stands for one that is not known.
-
-    Raises InputError for a load below 0, and for what are no `count` numbers.
-    """
+def _entry_each(name: str, values: Any, count: int, kinds: str = "fiu") -> NDArray[Any]:
+    """Return an array of `count` numbers, one a reading. Raises InputError for anything else."""
     array = np.asarray(values)
-    if array.dtype.kind not in "fiu" or array.shape != (count,):
+    if array.dtype.kind not in kinds or array.shape != (count,):
+        numbers = "numbers" if "f" in kinds else "whole numbers from 0 on"
         raise InputError(
-            f"scan: loads must be {count:,} numbers, one a press, got {array.dtype} {array.shape}"
+            f"scan: {name} must be {count:,} {numbers}, one a reading, got {array.dtype} {array.shape}"
         )
-    array = array.astype(float)
-    known = ~np.isnan(array)
-    if (finite(array[known], "scan: loads") < 0).any():
-        raise InputError(
-            f"scan: a load is {short(float(array[known].min()))} N; a press is made with 0 or more"
-        )
-    array.setflags(write=False)
     return array
 
 
-def _as_whole_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
-    """Return whole numbers from 0 on, one for each of `count` readings, read only. Raises InputError for others."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "iu" or array.shape != (count,) or (array.astype(np.int64) < 0).any():
-        raise InputError(
-            f"scan: {name} must be {count:,} whole numbers from 0 on, one a reading, got {array.dtype} {array.shape}"
-        )
-    array = array.astype(np.int64)
-    array.setflags(write=False)
+def _as_loads(values: Any, count: int) -> FloatArray:
+    """Return the loads of `count` presses, N; NaN stands for one that is not known.
+
+    Raises InputError for a load below 0, and for what are no `count` numbers.
+    """
+    array = _entry_each("loads", values, count).astype(float)
+    known = array[~np.isnan(array)]
+    if (finite(known, "scan: loads") < 0).any():
+        raise InputError(f"scan: a load is {short(float(known.min()))} N; a press is made with 0 or more")
     return array
 
 
 def _as_moments(values: Any, count: int) -> FloatArray:
-    """Return the shares of `count` readings, read only. Raises InputError for one that is not above 0, at most 1."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu" or array.shape != (count,):
-        raise InputError(
-            f"scan: moments must be {count:,} numbers, one a reading, got {array.dtype} {array.shape}"
-        )
-    array = array.astype(float)
+    """Return the shares of `count` readings. Raises InputError for one that is not above 0, at most 1."""
+    array = _entry_each("moments", values, count).astype(float)
     wrong = array[~((array > 0) & (array <= 1))]
     if len(wrong):
         raise InputError(
             f"scan: a moment is {short(float(wrong[0]))}; it is the share of its press's load, above 0, at most 1"
         )
-    array.setflags(write=False)
+    return array
+
+
+def _as_whole_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
+    """Return whole numbers from 0 on, one for each of `count` readings. Raises InputError for others."""
+    array = _entry_each(name, values, count, "iu").astype(np.int64)
+    if (array < 0).any():
+        raise InputError(f"scan: {name} must be {count:,} whole numbers from 0 on, got {array.min()}")
     return array
 
 
@@ -504,41 +500,20 @@ def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:
     return joined
 
 
-def _joined_loads(first: Scan, second: Scan) -> FloatArray | None:
-    """Append the loads of two scans; those of a scan that says none are not known. None if neither says any."""
-    if first.loads is None and second.loads is None:
-        return None
-    return np.concatenate(
-        [np.full(len(scan), np.nan) if scan.loads is None else scan.loads for scan in (first, second)]
-    )
-
-
-def _joined_presses(first: Scan, second: Scan) -> NDArray[np.int64] | None:
-    """Append the presses of two scans, counted on; None if each reading of both is of a press of its own."""
-    if first.presses is None and second.presses is None:
-        return None
-    before, after = (
-        np.arange(len(scan)) if scan.presses is None else scan.presses for scan in (first, second)
-    )
-    return np.concatenate([before, after + before.max(initial=-1) + 1])
-
-
-def _joined_moments(first: Scan, second: Scan) -> FloatArray | None:
-    """Append the moments of two scans; those of a scan that says none are of the whole load."""
-    if first.moments is None and second.moments is None:
-        return None
-    return np.concatenate(
-        [np.ones(len(scan)) if scan.moments is None else scan.moments for scan in (first, second)]
-    )
-
-
-def _joined_views(first: Scan, second: Scan) -> NDArray[np.int64] | None:
-    """Append the views of two scans; readings of a scan that says none are of the first."""
-    if first.views is None and second.views is None:
-        return None
-    return np.concatenate(
-        [np.zeros(len(scan), np.int64) if scan.views is None else scan.views for scan in (first, second)]
-    )
+def _joined_entries(first: Scan, second: Scan) -> dict[str, Any]:
+    """Append what two scans say of each reading, as far as either does; presses are counted on."""
+    both = (first, second)
+    said = [name for name in _OF_PRESSES if any(getattr(scan, name) is not None for scan in both)]
+    halves = {
+        name: [
+            _UNSAID[name](len(scan)) if getattr(scan, name) is None else getattr(scan, name) for scan in both
+        ]
+        for name in said
+    }
+    if "presses" in halves:
+        before, after = halves["presses"]
+        halves["presses"] = [before, after + before.max(initial=-1) + 1]
+    return {name: np.concatenate(arrays) for name, arrays in halves.items()}
 
 
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:

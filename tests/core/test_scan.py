@@ -384,9 +384,9 @@ def test_loads_go_with_their_presses(scan, tmp_path):
 @pytest.mark.parametrize(
     ("loads", "said"),
     [
-        ([1.0] * 5, "6 numbers, one a press"),
-        ([[1.0]] * 6, "one a press"),
-        (["a"] * 6, "one a press"),
+        ([1.0] * 5, "6 numbers, one a reading"),
+        ([[1.0]] * 6, "one a reading"),
+        (["a"] * 6, "one a reading"),
         ([1.0, -2.0, np.nan, 1, 1, 1], "-2.0 N"),
         ([np.inf] * 6, "finite"),
     ],
