@@ -62,6 +62,8 @@ def live(
         pass
     if on_terminal:
         console.print(Text(printable(told.line(told.leading.view().belief))))
+    if told.leading.recogniser.delays:
+        console.print(Text(told.latency()), soft_wrap=True)
 
 
 def _obey(key: str, told: Told) -> None:

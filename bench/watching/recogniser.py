@@ -34,13 +34,12 @@ class Belief:
     """What is believed after the touches so far.
 
     estimate: None before the first touch. delay: s from the last reading of the last touch until this was known;
-    None if the last touch was taken back. longest_delay: s, of all touches.
+    None if the last touch was taken back.
     """
 
     touches: tuple[Touch, ...] = ()
     estimate: Estimate | None = None
     delay: float | None = None
-    longest_delay: float = 0.0
 
     @property
     def sensor_in_object(self) -> FloatArray | None:
@@ -58,12 +57,14 @@ NOTHING = Belief()
 class Recogniser:
     """Let a fitted estimator take touches one by one, take the last one back, and choose the next.
 
+    delays: s from the last reading of each touch until it was known, of all objects so far.
     An estimator that would end the program is a RuntimeError: in a thread it would end nothing but the recognising.
     """
 
     def __init__(self, estimator: Estimator, letters: Sequence[str], seed: int) -> None:
         self.letters = tuple(letters)
         self.belief: Belief = NOTHING
+        self.delays: list[float] = []
         self._estimator, self._seed = estimator, seed
         self._round = 0
         self._reset()
@@ -84,6 +85,7 @@ class Recogniser:
         if candidates is not None:
             made.choose(candidates)
         made.begin_anew()
+        made.delays.clear()
         return made
 
     def take(self, touch: Touch) -> Belief:
@@ -91,18 +93,17 @@ class Recogniser:
         self._update(touch)
         estimate = self._estimate()
         delay = time.monotonic() - touch.came
-        before = self.belief
-        self.belief = Belief((*before.touches, touch), estimate, delay, max(delay, before.longest_delay))
+        self.delays.append(delay)
+        self.belief = Belief((*self.belief.touches, touch), estimate, delay)
         return self.belief
 
     def take_back(self, index: int) -> Belief:
         """Forget the touch of that index: the others are taken in again."""
         kept = tuple(touch for k, touch in enumerate(self.belief.touches) if k != index)
-        longest = self.belief.longest_delay
         self._reset()
         for touch in kept:
             self._update(touch)
-        self.belief = Belief(kept, self._estimate() if kept else None, None, longest)
+        self.belief = Belief(kept, self._estimate() if kept else None)
         return self.belief
 
     def begin_anew(self) -> Belief:

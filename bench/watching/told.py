@@ -16,6 +16,7 @@ from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.touch_leader import Leading, LiveView
 from tactsim.bench.watching.web import numbers
 from tactsim.core import Scan, compose
+from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 from tactsim.core.source import Source
 from tactsim.estimators import NONE
@@ -84,6 +85,15 @@ class Told:
         if values["delay_ms"] is not None:
             parts.append(f"known {values['delay_ms']:.1f} ms after the touch")
         return parts
+
+    def latency(self) -> str:
+        """Say how soon after a touch it was known, over all touches: the mean and the slowest of a hundred, ms."""
+        delays = 1e3 * np.array(self.leading.recogniser.delays)
+        mean, slowest = delays.mean(), np.quantile(delays, 0.99)
+        return (
+            f"{counted(len(delays), 'touch')}, each known {mean:.1f} ms after it on average, the slowest of a hundred "
+            f"{slowest:.1f} ms"
+        )
 
     def json_of(self, belief: Belief) -> dict[str, Any]:
         """Describe a belief by numbers: mm, rad, ms.

@@ -73,6 +73,7 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     assert 0 <= last["error_mm"] < 10
     assert len({tuple(one["sensor_in_robot"]) for one in said}) == 3
     assert all(one["delay_ms"] > 0 for one in said)
+    assert "3 touches, each known " in result.stderr
     assert all(one["unexplained"] >= 0 for one in said)
 
 
@@ -93,7 +94,9 @@ def test_an_estimator_that_proposes_nothing_is_led_at_random(bench, scan_file):
     words = ["--port", "simulated:O", "--train-scan", scan_file, "--estimator", "nearest", "--readings", "2"]
     result = bench("live", *words)
     assert result.returncode == 0, result.stderr
-    assert [line.split(":")[0] for line in result.stdout.splitlines()] == ["touch 1", "touch 2"]
+    *lines, latency = result.stdout.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["touch 1", "touch 2"]
+    assert latency.startswith("2 touches, each known ")
 
 
 def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_tried(one_pose, capsys):
@@ -106,10 +109,19 @@ def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_
     assert capsys.readouterr().err.splitlines() == [told.where(LiveView(asked=np.array(POSE)))]
 
 
+def test_the_slowest_of_a_hundred_stands_beside_the_mean(one_pose):
+    _, told, _ = one_pose
+    told.leading.recogniser.delays[:] = np.linspace(0, 1, 101)
+    assert told.latency() == (
+        "101 touches, each known 500.0 ms after it on average, the slowest of a hundred 990.0 ms"
+    )
+
+
 def test_a_recorded_session_is_recognised_in_lines(here, recording, scan_file):
     result = here("live", "--port", f"recording:{recording}", "--train-scan", scan_file, *SMALL)
     assert result.returncode == 0, result.stderr
-    lines = result.stdout.splitlines()
+    *lines, latency = result.stdout.splitlines()
+    assert latency.startswith("4 touches, each known ")
     assert [line.split(":")[0] for line in lines] == [f"touch {k}" for k in (1, 2, 3, 4)]
     assert "O " in lines[-1].split(",")[0]
     assert "right" in lines[-1]

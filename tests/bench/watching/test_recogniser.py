@@ -62,7 +62,12 @@ def test_the_delay_counts_from_the_touch_s_last_reading(recogniser, scan):
     late = Touch(touch.pressures, touch.sensor_in_robot, time.monotonic() - 3.0)
     belief = recogniser.take(late)
     assert belief.delay >= 3.0
-    assert recogniser.take(touches(scan, 1)[0]).longest_delay == belief.delay
+    before = len(recogniser.delays)
+    assert recogniser.take(touches(scan, 1)[0]).delay == recogniser.delays[before]
+    recogniser.begin_anew()
+    assert recogniser.delays[before - 1] == belief.delay, (
+        "another object does not make it forget a slow touch"
+    )
 
 
 def test_an_estimator_that_cannot_propose_is_refused_before_the_first_touch(scan):
