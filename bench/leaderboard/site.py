@@ -89,7 +89,7 @@ def _write(folder: Folder, inside: Path) -> None:
 
     def page(name: str, template: str, title: str, lead: str, **context: Any) -> None:
         text = render(
-            f"{_ASSETS}{template}.html", scripts=[f"{_ASSETS}sorting.js"], styles=_STYLES, title=title, lead=lead,
+            f"{_ASSETS}{template}.html", scripts=[f"{_ASSETS}tables.js"], styles=_STYLES, title=title, lead=lead,
             home="../" if "/" in name else "", version=version("tactsim"), words=figure_words, drawings=drawings,
             pages=pages, links=links, files=files, **context,
         )  # fmt: skip
