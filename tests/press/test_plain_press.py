@@ -1,14 +1,14 @@
-"""The plain scene that bench_press.py times is one of the same bed."""
+"""A plain scene of the same bed, in MuJoCo as it comes, ends where the press does."""
 
 import numpy as np
 import pytest
-from bench_press import COVERED
 from level_world import level_press
 from plain_press import DEFAULT, TUNED, compile_plain, press_plain
 
 from tactsim import models
 from tactsim.core import Pad
 from tactsim.press.bed import lay_bed, levels
+from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 
 
@@ -16,7 +16,7 @@ from tactsim.press.scan_poses import grid_poses
 def test_the_plain_scene_ends_where_the_press_does(constant, share):
     """Else it would be no plain scene of the same bed: its forces are the shares of the covered areas."""
     letter, poses = models.letter("E"), grid_poses()[[16, 90]]
-    bed = lay_bed(levels(letter, level_press(skip=COVERED)), poses, *Pad().grid_lines(2))
+    bed = lay_bed(levels(letter, level_press(skip=Skips(parts=False))), poses, *Pad().grid_lines(2))
     for springs, pose in zip(bed.springs, poses, strict=True):
         forces, _ = press_plain(compile_plain(letter, pose, springs, constant), len(springs.share), 2.0)
         area = bed.area[springs.rows]
