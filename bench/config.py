@@ -164,6 +164,10 @@ def _held_out(words: Any) -> Any:
     return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
+def _text_of_path(words: Any) -> Any:
+    return str(words) if isinstance(words, Path) else words
+
+
 class Slip(BaseModel):
     """How far the object moves between two touches, about its own origin; by default it lies still."""
 
@@ -248,6 +252,11 @@ class ScanWords(BaseModel):
         "classes), handheld (loads, tilt, response), resistive (cross-talk of an unguarded matrix), ideal, slip (the "
         "object moves between touches), or a file of `bench validate`.",
     )
+    pad: Annotated[str | None, BeforeValidator(_text_of_path)] = Field(
+        None,
+        description="The pad: a file of its measures or of a device (.toml), or a built-in name; `bench devices` names "
+        "them. Default: the paper's.",
+    )
     noise: Noise = Field(
         None,
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
@@ -260,13 +269,17 @@ class ScanWords(BaseModel):
 
     @cached_property
     def scan_options(self) -> ScanOptions:
-        """Resolve the options of the scan: a world, changed by `noise`, the other fields, and last `scan_set`.
+        """Resolve the options of the scan: a world, changed by `pad`, `noise`, the other fields, and last `scan_set`.
 
         Raises InputError for the first wrong value, and for a file that cannot be read.
         """
         from tactsim.press import WORLDS, ScanOptions
 
         values = {name: value for name, value in _world(self.world).items() if name != "slip"}
+        if self.pad is not None:
+            from tactsim.hardware.device import load_device
+
+            values = merged(values, {"pad": load_device(self.pad).pad.model_dump()})
         if self.noise == "off":
             values = merged(values, WORLDS["ideal"])
         elif self.noise is not None:
@@ -354,7 +367,7 @@ class RunConfig(ScanWords):
         if not self.pressed:
             place = self.scan or self.presses
             whence = f"come from {place}" if place else "are given"
-            for name in ("shapes", "test_poses", "world", "noise", "scan_set"):
+            for name in ("shapes", "test_poses", "world", "pad", "noise", "scan_set"):
                 if getattr(self, name) != RunConfig.model_fields[name].default:
                     raise ValueError(
                         f"{name} says how letters are pressed, but the readings {whence}; leave it out"

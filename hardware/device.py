@@ -220,8 +220,9 @@ def built_in_devices() -> tuple[str, ...]:
 
 
 def load_device(name: str | Path) -> Device:
-    """Read a device file (TOML), or one of the built-in ones by its name.
+    """Read a device file (TOML), or one of the built-in ones by its name: what `--pad` takes everywhere.
 
+    A file with a pad's measures alone (`Pad.load`) is a device without a codec, called after the file.
     Raises InputError if there is none, or with the first value in it that is wrong.
     """
     path = Path(name)
@@ -230,4 +231,7 @@ def load_device(name: str | Path) -> Device:
             raise unknown("device", str(name), (*built_in_devices(), "FILE.toml"))
         content = (files("tactsim.hardware") / "devices" / f"{name}.toml").read_bytes()
         return checked(Device, parse_toml(content, f"device {name}"), f"device {name}")
-    return checked(Device, read_toml(path, "device file"), f"device file {path}")
+    table = read_toml(path, "device file")
+    if table.keys() & {"no_seam", *Pad.model_fields}:
+        return Device(name=path.stem, pad=checked(Pad, table, f"pad {path}"))
+    return checked(Device, table, f"device file {path}")

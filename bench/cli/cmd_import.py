@@ -21,7 +21,13 @@ def command(
     ],
     out: Annotated[Path, typer.Option(help="The scan to write, .npz.")],
     pad: Annotated[
-        Path | None, typer.Option(help="Of arrays: the pad, a TOML file.", show_default=False)
+        str | None,
+        typer.Option(
+            metavar="FILE|NAME",
+            help="Of arrays: the pad, a file of its measures or of a device (.toml), or a built-in name; `bench "
+            "devices` names them.",
+            show_default=False,
+        ),
     ] = None,
     unit: Annotated[
         str | None,
@@ -50,10 +56,11 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.places import check_new_file
-    from tactsim.core import InputError, Pad, Scan
+    from tactsim.core import InputError, Scan
     from tactsim.core.idle import settled
+    from tactsim.hardware.device import load_device
 
-    check_new_file(out, source, pad, suffix=".npz")
+    check_new_file(out, source, None if pad is None else Path(pad), suffix=".npz")
     if source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:
@@ -70,7 +77,9 @@ def command(
         called = {"readings": readings, "poses": poses, "labels": labels} | (
             {"split": split} if split else {}
         )
-        scan, told = settled(read_arrays(source, called, Pad.load(pad), unit), zero, shared.idle_frames(idle))
+        scan, told = settled(
+            read_arrays(source, called, load_device(pad).pad, unit), zero, shared.idle_frames(idle)
+        )
     else:
         formats.guess(source)  # a file of no format is refused for that
         if pad is not None or unit is not None:

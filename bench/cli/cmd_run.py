@@ -57,11 +57,7 @@ def command(
         ),
     ] = None,
     device: Annotated[
-        str,
-        typer.Option(
-            help="Device file (.toml), or a built-in one; `bench devices` names them.",
-            rich_help_panel=guide.PANEL,
-        ),
+        str, typer.Option(help="Another name of --pad, beside --port.", rich_help_panel=guide.PANEL)
     ] = "emulated",
     calibration: Annotated[
         Path | None,
@@ -95,6 +91,10 @@ def command(
         words |= {name: value for name, value in of_space.items() if value is not None}
     else:
         refuse_typed(context, of_space, space.OUTSIDE)
+    if port is not None and "pad" in words:
+        if is_typed(context, "device"):
+            raise InputError("--pad and --device are one option; leave one out")
+        device = words.pop("pad")
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
     config = any_config(**words)

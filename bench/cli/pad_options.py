@@ -22,7 +22,13 @@ Port = Annotated[
     ),
 ]
 DeviceName = Annotated[
-    str, typer.Option("--device", help="Device file (.toml), or a built-in one; `bench devices` names them.")
+    str,
+    typer.Option(
+        "--pad",
+        "--device",
+        help="The pad: a device file (.toml), or a built-in one; `bench devices` names them. For what is simulated a "
+        "file of its measures will do.",
+    ),
 ]
 CalibrationFile = Annotated[
     Path | None,

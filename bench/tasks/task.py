@@ -22,7 +22,7 @@ from tactsim.estimators import create
 OF_THE_METHOD = ("estimator", "bins", "particles", "set", "bound")
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
-_PATHS = ("scan", "train_scan", "presses", "shapes", "world")
+_PATHS = ("scan", "train_scan", "presses", "shapes", "world", "pad")
 _OF_WHOLE_TRIALS = tuple(name for name in HEADLINES if name != "confusion")  # which is a table
 _RANKING = ("accuracy", "error_mm", "error_all_mm")
 _LEAST_SEEDS = 5  # trials of one scan share its maps: a figure of a single scan says nothing of the next
@@ -160,7 +160,7 @@ def names() -> tuple[str, ...]:
 def task(name: str) -> Task:
     """Read a task, by its name or from a TOML file of one's own.
 
-    A file's paths (scan, train_scan, presses, shapes, a world's file) are relative to the file.
+    A file's paths (scan, train_scan, presses, shapes, a world's or pad's file) are relative to the file.
     Raises InputError for an unknown name, a file that cannot be read, and for what is no whole task.
     """
     if not isinstance(name, str | Path):
@@ -228,7 +228,7 @@ def _beside(words: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     def placed(name: str, value: Any) -> Any:
         if isinstance(value, list):
             return [placed(name, one) for one in value]
-        is_path = isinstance(value, str) and (name != "world" or value.endswith(".toml"))
+        is_path = isinstance(value, str) and (name not in ("world", "pad") or value.endswith(".toml"))
         is_path = is_path and not value.startswith(RECORDING)
         return str(folder / value) if is_path else value
 

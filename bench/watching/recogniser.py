@@ -150,7 +150,7 @@ def on_taxels(train: Scan, taxel_xy: FloatArray, name: str) -> Scan:
     if missing:
         raise InputError(
             f"{name} was taken on another pad: {missing} of the pad's {len(taxel_xy)} taxels are not in it, which has "
-            f"{len(half.taxel_xy)}; give the scan of this pad, or its --device"
+            f"{len(half.taxel_xy)}; give the scan of this pad, or name its --pad"
         )
     order = apart.argmin(axis=1)
     if not len(half):

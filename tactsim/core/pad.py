@@ -55,9 +55,13 @@ class Pad(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_seam(cls, values: Any) -> Any:
-        """Read `no_seam = true` as `seam = null`, because TOML has no null."""
-        if isinstance(values, dict) and values.get("no_seam") is True:
-            values = {name: value for name, value in values.items() if name != "no_seam"} | {"seam": None}
+        """Read `no_seam = true` and `seam = "none"` as `seam = null`, because TOML has no null."""
+        if isinstance(values, dict):
+            stated = values.get("no_seam")
+            if stated in (True, "true") or values.get("seam") == "none":
+                values = {**values, "seam": None}
+            if stated in (True, False, "true", "false"):
+                values = {name: value for name, value in values.items() if name != "no_seam"}
         return values
 
     @model_validator(mode="after")
@@ -72,11 +76,13 @@ class Pad(BaseModel):
 
     @classmethod
     def load(cls, path: str | Path) -> Pad:
-        """Read a pad from a TOML file with any of the fields above (no_seam = true for one array).
+        """Read a pad from a TOML file with any of the fields above, or from the table [pad] of a device file.
 
+        `no_seam = true` and `seam = "none"` say the same: one array.
         Raises InputError if the file cannot be read or a value is unknown or out of range.
         """
-        return checked(cls, read_toml(path, "pad"), f"pad {path}")
+        table = read_toml(path, "pad")
+        return checked(cls, table.get("pad", table), f"pad {path}")
 
     @property
     def taxels(self) -> int:

@@ -165,6 +165,8 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
         (["probe", "--port", "/dev/nothing"], ["there is no such port", "bench devices"]),
         (["probe", "--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'", "'emulated'"]),
         (["probe", "--port", "x", "--device", "no.toml"], ["cannot read device file no.toml"]),
+        (["probe", "--port", "x", "--pad", "emulatd"], ["unknown device 'emulatd'", "'emulated'"]),
+        (["run", "--port", "x", "--pad", "emulated", "--device", "emulated"], ["are one option"]),
         (["tare", "--port", "simulated:A", "--out", "t.toml"], ["something touches the pad"]),
         (["tare", "--port", "x", "--out", "t.toml", "--load", "5"], ["gains need both"]),
         (["record", "--port", "simulated:A", "--out", "a.npz", "--letter", "A"], ["never lifted", ":hand"]),

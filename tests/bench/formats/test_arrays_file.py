@@ -116,6 +116,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
         (["a.npz", *WORDS, "--unit", "psi"], "known are kPa"),
         (["a.npz", *WORDS, "--poses", "readings"], "poses has shape"),
         (["a.npz", *WORDS, "--pad", "none.toml"], "none.toml"),
+        (["a.npz", *WORDS, "--pad", "emulatd"], "did you mean 'emulated'"),
         (["b.h5", *WORDS], "says its pad and unit itself"),
         (["b.h5", "--poses", "places", "--out", "scan.npz"], "--poses is of .npz and .mat files"),
     ],

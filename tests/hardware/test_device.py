@@ -1,0 +1,72 @@
+"""What `--pad` takes: a file of measures, a device file or a built-in name mean one pad wherever they are named."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactsim.bench.config import key_values, run_config, scan_options
+from tactsim.core import InputError, Pad
+from tactsim.hardware.codecs.codec import CodecError
+from tactsim.hardware.device import built_in_devices, load_device
+
+MEASURES = "rows = 4\ncolumns = 8\npitch_x = 3.0\nunread_columns = 0\n"
+DEVICE = 'name = "mine"\n[pad]\n' + MEASURES
+ONE_ARRAY = Pad(rows=4, columns=8, pitch_x=3.0, unread_columns=0, seam=None)
+
+
+@pytest.mark.parametrize("content", [MEASURES, DEVICE])
+@pytest.mark.parametrize("seam", ["no_seam = true", 'seam = "none"'])
+def test_a_file_means_the_same_pad_wherever_it_is_named(tmp_path, content, seam):
+    path = tmp_path / "mine.toml"
+    path.write_text(content + seam)
+    assert Pad.load(path) == load_device(path).pad == ONE_ARRAY
+    assert scan_options(pad=path).pad == run_config(pad=str(path)).scan_options.pad == ONE_ARRAY
+    assert scan_options(scan_set={"pad": str(path)}).pad == ONE_ARRAY
+    assert load_device(path).name == "mine"
+
+
+@pytest.mark.parametrize("name", built_in_devices())
+def test_a_built_in_name_is_pressed_as_it_is_read(name):
+    assert scan_options(pad=name).pad == load_device(name).pad
+
+
+@given(
+    st.sampled_from(["pad.seam=none", "pad.no_seam=true"]),
+    st.sampled_from([None, "emulated", "dfrobot-4x8"]),
+)
+def test_no_seam_is_one_thing_in_both_spellings(word, pad):
+    words = {} if pad is None else {"pad": pad}
+    changed = scan_options(**words, scan_set=key_values([word], "--scan-set")).pad
+    assert changed == scan_options(**words).pad.model_copy(update={"seam": None})
+
+
+def test_options_of_the_scan_change_the_pad_that_is_named():
+    changed = scan_options(pad="dfrobot-4x8", scan_set={"pad.rows": 6}).pad
+    assert changed == load_device("dfrobot-4x8").pad.model_copy(update={"rows": 6})
+    assert scan_options(scan_set={"pad.no_seam": False}).pad == Pad()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ({"pad": "flexitac"}, "unknown device 'flexitac': did you mean 'flexitac-"),
+        ({"pad": "none.toml"}, "cannot read device file none.toml"),
+        ({"pad": "dfrobot-4x8", "scan": "mine.npz"}, "pad says how letters are pressed"),
+        ({"pad": "dfrobot-4x8", "task": "smoke-v1"}, "pad 'dfrobot-4x8': task smoke-v1 says None"),
+        ({"scan_set": {"pad.no_seam": "maybe"}}, "unknown option 'pad.no_seam'"),
+    ],
+)
+def test_a_mistake_is_one_line(words, says):
+    with pytest.raises(InputError, match=says) as caught:
+        run_config(**words)
+    assert "\n" not in str(caught.value)
+
+
+def test_measures_alone_are_read_by_no_codec(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(MEASURES)
+    with pytest.raises(CodecError, match=r"'mine' has no \[codec\]"):
+        load_device(path).build_codec()
+    path.write_text("rows = 0")
+    with pytest.raises(InputError, match=r"^pad .*mine\.toml: rows"):
+        load_device(path)
