@@ -48,6 +48,14 @@ def _keep_whole(table: Table, width: int) -> None:
         column.no_wrap = len(head) <= column.min_width
 
 
+def plain_table(*headings: str, words: int = 1) -> Table:
+    """Make a table without rules: the first columns hold `words`, the others figures, set to the right."""
+    table = Table(box=None, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if number < words else "right", overflow="fold")
+    return table
+
+
 def plain_console(stderr: bool = False) -> Console:
     """Make a console that shows every str as it is written; only `style` and rich's own `Text` format it."""
     return _PlainConsole(stderr=stderr, markup=False, highlight=False, emoji=False)

@@ -82,19 +82,23 @@ def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
         place = whole.with_name(f"{whole.name}-{number}")
 
 
-def try_to_save(save: Callable[[], Path]) -> tuple[Path | None, InputError | None]:
-    """Save results; where that fails, for example on a full disk, they can still be shown before the error is raised.
+def save_and_show(save: Callable[[], Path] | None, show: Callable[[Path | None], None]) -> None:
+    """Save results and show them; where saving fails, as on a full disk, they are shown before the error is raised.
 
-    save: writes them and returns where. Returns the place and None, or None and the error.
+    save: writes them and returns where; None if they are only to be shown. show(place): shows them; None: in no file.
     """
+    place: Path | None = None
+    failure: InputError | None = None
     try:
-        return save(), None
+        place = None if save is None else save()
     except KeptBeside as kept:
-        return kept.place, kept
+        place, failure = kept.place, kept
     except InputError as error:
         failure = InputError(f"{error}; the results are in no file, only in what was printed")
         failure.__cause__ = error
-        return None, failure
+    show(place)
+    if failure is not None:
+        raise failure
 
 
 def check_folder(path: Path) -> None:

@@ -26,7 +26,7 @@ from rich.table import Table
 
 from tactsim.bench import paper
 from tactsim.bench.config import RunConfig
-from tactsim.bench.console import plain_console
+from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
@@ -235,10 +235,7 @@ def print_sweep(places: list[Path]) -> None:
         console.print(protocol, style="bold", end="; ")
         console.print(f"{task}; {tables.made_of(pools)}")
         head, *rows = tables.plain_rows(pools, [*tables.usual_figures(pools), "ms"])
-        table = Table(box=None, pad_edge=False)
-        table.add_column(head[0], overflow="fold")
-        for heading in head[1:]:
-            table.add_column(heading, justify="right")
+        table = plain_table(*head)
         for row in rows:
             table.add_row(*row)
         console.print(table)
@@ -330,9 +327,8 @@ def _table_in_space(run: Run, rows: Sequence[int], verbose: bool) -> Table:
     if verbose:
         columns[1:1] = [("error_median_mm", "median", 2)]
         columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)]
-    table, summary = Table(box=None, pad_edge=False), run.summary
-    for heading in ("touches", "right", "95 % interval", *(heading for _, heading, _ in columns)):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = plain_table("touches", "right", "95 % interval", *(heading for _, heading, _ in columns), words=0)
+    summary = run.summary
     for touch in rows:
         k = touch - 1
         table.add_row(
@@ -346,13 +342,11 @@ def _table_in_space(run: Run, rows: Sequence[int], verbose: bool) -> Table:
 
 def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
     summary, against_bound = run.summary, run.against_bound
-    table = Table(box=None, pad_edge=False)
     sure = verbose and any(value is not None for value in summary["sharpness_mm"])
     bounded = any(bound is not None for bound in against_bound["bound_mm"])
     headings = ["readings", "right", "95 % interval", "error mm"]
     headings += ["x bound"] * bounded + ["all mm"] * verbose + ["90 % in mm", "held"] * sure
-    for heading in headings:
-        table.add_column(heading, justify="right")
+    table = plain_table(*headings, words=0)
     for reading in rows:
         k = reading - 1
         table.add_row(
@@ -375,9 +369,8 @@ def print_bound(found: Bound) -> None:
         f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
         f"seed {values['seed']}"
     )
-    table = Table(box=None, pad_edge=False)
-    for heading in ("readings", "right", "error mm", "bound mm", "trials", "eq. 3 bound mm", "trials"):
-        table.add_column(heading, justify="right")
+    heads = ("readings", "right", "error mm", "bound mm", "trials", "eq. 3 bound mm", "trials")
+    table = plain_table(*heads, words=0)
     for reading in _rows(values["readings"], ROWS):
         k = reading - 1
         table.add_row(

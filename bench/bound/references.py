@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
+from tactsim.bench.console import plain_table
 from tactsim.bench.placement import Properties, placement_error, properties
 from tactsim.bench.terminal import progress_bars
 from tactsim.bench.trials import draw_true_pose, fit
@@ -232,11 +233,8 @@ def load(path: Path | None = None) -> References:
 
 def table(found: Mapping[str, FloatArray]) -> Table:
     """Lay out mean distances, a row for each estimator and three columns for each reading of AT."""
-    result = Table(box=None, pad_edge=False)
-    result.add_column("estimator")
-    for reading in AT:
-        for what in (f"letter @{reading}", "pose mm", "belief mm"):
-            result.add_column(what, justify="right")
+    heads = [head for reading in AT for head in (f"letter @{reading}", "pose mm", "belief mm")]
+    result = plain_table("estimator", *heads)
     for name, of in found.items():
         result.add_row(name, *shown(means(of)))
     return result

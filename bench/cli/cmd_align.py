@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
 
@@ -18,23 +17,14 @@ def command(
     out: Annotated[Path, typer.Option(help="The scan to write, .npz, for `bench run --scan`.")],
     poses: Annotated[
         Literal["unknown"] | None,
-        typer.Option(
-            help="Withhold the poses that the scan states, to see what is found without them.",
-            show_default=False,
-        ),
+        typer.Option(help="Withhold the poses that the scan states, to see what is found without them."),
     ] = None,
-    cut: Annotated[
-        str | None,
-        typer.Option(help="Then cut presses into small touches, like 6x6.", show_default=False),
-    ] = None,
+    cut: Annotated[str | None, typer.Option(help="Then cut presses into small touches, like 6x6.")] = None,
     stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
     touching: Annotated[
-        str | None,
-        typer.Option(
-            help="Keep cuts of which so many taxels at least read more than that: 3:24.", show_default=False
-        ),
+        str | None, typer.Option(help="Keep cuts of which so many taxels at least read more than that: 3:24.")
     ] = None,
-    as_json: pads.AsJson = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Find how presses lie of which nobody noted the poses, by laying those of each object over each other."""
     import json

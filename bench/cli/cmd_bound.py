@@ -18,29 +18,25 @@ def command(
     trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
     readings: Annotated[int, typer.Option(min=1, help="Readings a trial, without replacement.")] = 20,
     scan: Annotated[
-        Path | None,
-        typer.Option(help="Readings from a file of `bench scan` instead of the press.", show_default=False),
+        Path | None, typer.Option(help="Readings from a file of `bench scan` instead of the press.")
     ] = None,
     slip: Annotated[
         list[str] | None,
         typer.Option(
             help="How the object moves between touches, a random walk: walk_mm=0.5, walk_rad=0.03.",
             metavar="NAME=VALUE",
-            show_default=False,
         ),
     ] = None,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    out: Annotated[
-        Path | None, typer.Option(help="Also draw a picture: the file to write, .png.", show_default=False)
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
-    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Also draw a picture: the file to write, .png.")] = None,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
+    from functools import partial
+
     from tactsim.bench.bound.bound import find_bound
-    from tactsim.bench.places import check_new_file, try_to_save
+    from tactsim.bench.places import check_new_file, save_and_show
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
     from tactsim.core.files import write_bytes
@@ -61,16 +57,8 @@ def command(
         if place is not None:
             typer.echo(f"picture  {place}")
 
-    if out is None:
-        show(None)
-        return
-    picture = out
-
-    def save() -> Path:
+    def save(picture: Path) -> Path:
         write_bytes(picture, found.plot().png())
         return picture
 
-    place, failure = try_to_save(save)
-    show(place)
-    if failure is not None:
-        raise failure
+    save_and_show(None if out is None else partial(save, out), show)

@@ -13,17 +13,12 @@ def command(
     new: Annotated[Path, typer.Argument(help="The folder of the run to judge.")],
 ) -> None:
     """Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval."""
-    from rich.table import Table
-
     from tactsim.bench.compare import compare
-    from tactsim.bench.console import plain_console
+    from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.results import load
 
     differences = compare(load(base), load(new))
-    table = Table(box=None, pad_edge=False)
-    table.add_column("figure")
-    for heading in ("base", "new", "new - base", "McNemar p", "verdict"):
-        table.add_column(heading, justify="right")
+    table = plain_table("figure", "base", "new", "new - base", "McNemar p", "verdict")
     for row in differences:
         table.add_row(
             row.name,

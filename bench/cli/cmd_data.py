@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
     from tactsim.bench.formats.public_recordings import Recording
@@ -15,24 +15,15 @@ if TYPE_CHECKING:
 
 def command(
     action: Annotated[
-        str | None,
-        typer.Argument(metavar="[get]", help="Download, check and import one.", show_default=False),
+        str | None, typer.Argument(metavar="[get]", help="Download, check and import one.")
     ] = None,
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Which one.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Which one.")] = None,
     source: Annotated[
         Path | None,
-        typer.Option(
-            "--from",
-            help="Download nothing: the file, or the folder that holds the files.",
-            show_default=False,
-        ),
+        typer.Option("--from", help="Download nothing: the file, or the folder that holds the files."),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The scan to write. [default: NAME.npz]", show_default=False)
-    ] = None,
-    as_json: pads.AsJson = False,
+    out: Annotated[Path | None, typer.Option(help="The scan to write. [default: NAME.npz]")] = None,
+    as_json: shared.AsJson = False,
 ) -> None:
     """List public recordings of real pads, or `get` one: download, check and import it as a scan."""
     import json

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tactsim.bench.cli import pad_options as pads
+from tactsim.bench.cli import shared_options as shared
 
 if TYPE_CHECKING:
     from tactsim.core.plug_ins import Listed
 
 
-def command(as_json: pads.AsJson = False) -> None:
+def command(as_json: shared.AsJson = False) -> None:
     """List ports, sources of readings, codecs and device files, each with its status."""
     import json
 

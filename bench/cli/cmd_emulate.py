@@ -27,43 +27,31 @@ if TYPE_CHECKING:
 def command(
     context: typer.Context,
     port: Annotated[
-        str,
-        typer.Option(help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT."),
+        str, typer.Option(help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT.")
     ] = "pty",
     device: pads.DeviceName = "emulated",
-    letter: Annotated[
-        str | None, typer.Option(help="Press this letter, again and again.", show_default=False)
-    ] = None,
+    letter: Annotated[str | None, typer.Option(help="Press this letter, again and again.")] = None,
     pose: Annotated[str, typer.Option(help="Where: sensor in object, x,y,theta in mm and rad.")] = "0,0,0",
     follow: Annotated[
-        Path | None,
-        typer.Option(
-            help="The recording of a guided session: press what that session asks for.", show_default=False
-        ),
+        Path | None, typer.Option(help="The recording of a guided session: press what that session asks for.")
     ] = None,
     plan: Annotated[
         Path | None,
         typer.Option(
             help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad. Recorded to "
-            "--out, without waiting.",
-            show_default=False,
+            "--out, without waiting."
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="With --plan: the recording, .tactrec, or .csv as the PPS tool writes.", show_default=False
-        ),
+        typer.Option(help="With --plan: the recording, .tactrec, or .csv as the PPS tool writes."),
     ] = None,
     marks: Annotated[
         Path | None,
-        typer.Option(
-            help="With --plan: write what was pressed when, for `bench replay --marks`.", show_default=False
-        ),
+        typer.Option(help="With --plan: write what was pressed when, for `bench replay --marks`."),
     ] = None,
     shapes: Annotated[
-        list[Path] | None,
-        typer.Option("--shape", help="A shape that the plan names; repeat for several.", show_default=False),
+        list[Path] | None, typer.Option("--shape", help="A shape that the plan names; repeat for several.")
     ] = None,
     world: Annotated[
         str, typer.Option(help="How the pad is pressed and what it reads: a world's name, or a file.")
@@ -85,18 +73,14 @@ def command(
         float, shared.number("Seconds after which the line is cut, again and again; 0: never.", least=0)
     ] = 0.0,
     jitter: Annotated[
-        float,
-        shared.number("How unevenly frames come, as a share of the time between two.", least=0, most=1),
+        float, shared.number("How unevenly frames come, as a share of the time between two.", least=0, most=1)
     ] = 0.0,
     loaded: Annotated[
         list[str] | None,
-        typer.Option(
-            help="A taxel on which something lies for ever, and its kPa, 17=30; repeat.", show_default=False
-        ),
+        typer.Option(help="A taxel on which something lies for ever, and its kPa, 17=30; repeat."),
     ] = None,
     stuck: Annotated[
-        list[str] | None,
-        typer.Option(help="A taxel that always says the same, 40=90; repeat.", show_default=False),
+        list[str] | None, typer.Option(help="A taxel that always says the same, 40=90; repeat.")
     ] = None,
     seed: shared.Seed = 0,
 ) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tactsim.bench.cli import shared_options as shared
+
 if TYPE_CHECKING:
     from tactsim.core import Scan
 
@@ -27,19 +29,13 @@ def command(
         str, typer.Option(help="The estimator whose options are chosen; a filter on maps.")
     ] = "refined",
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An option that is not to be chosen, name=value.", show_default=False),
+        list[str] | None, typer.Option("--set", help="An option that is not to be chosen, name=value.")
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="A world file (.toml) with the pad and the response, for `bench scan --world`.",
-            show_default=False,
-        ),
+        typer.Option(help="A world file (.toml) with the pad and the response, for `bench scan --world`."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
-    ] = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Choose what depends on a pad's unit, pitch and response from training readings alone, and say why."""
     import tomli_w

@@ -26,12 +26,10 @@ def command(
             metavar="FILE|NAME",
             help="Of arrays: the pad, a file of its measures or of a device (.toml), or a built-in name; `bench "
             "devices` names them.",
-            show_default=False,
         ),
     ] = None,
     unit: Annotated[
-        str | None,
-        typer.Option(help="Of arrays: what the readings are in: kPa, N, V or count.", show_default=False),
+        str | None, typer.Option(help="Of arrays: what the readings are in: kPa, N, V or count.")
     ] = None,
     readings: Annotated[
         str, typer.Option(help="Of arrays: what the readings are called in the file.")
@@ -42,10 +40,7 @@ def command(
     labels: Annotated[str, typer.Option(help="What the names of the objects are called.")] = "labels",
     split: Annotated[
         str | None,
-        typer.Option(
-            help="What says train or test is called. Default: all presses are to train on.",
-            show_default=False,
-        ),
+        typer.Option(help="What says train or test is called. Default: all presses are to train on."),
     ] = None,
     licence: shared.Licence = None,
     zero: shared.Zero = "auto",

@@ -15,7 +15,6 @@ def command(
         typer.Option(
             metavar="SITE",
             help="The site's folder; a site that stands there is replaced. Default: site in FOLDER.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -26,13 +26,11 @@ def command(
         str | None,
         typer.Argument(
             help="Only this: estimators, letters, solids, worlds, scan-options, solid-options, slip, metrics, suites, "
-            "formats.",
-            show_default=False,
+            "formats."
         ),
     ] = None,
     name: Annotated[
-        str | None,
-        typer.Argument(help="Of the estimators, only this one, with its options.", show_default=False),
+        str | None, typer.Argument(help="Of the estimators, only this one, with its options.")
     ] = None,
 ) -> None:
     """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""

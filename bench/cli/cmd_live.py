@@ -28,30 +28,22 @@ def command(
     ],
     train_scan: Annotated[
         Path | None,
-        typer.Option(
-            help="What the estimator learns from. Default: simulated presses of AEIOU on this pad.",
-            show_default=False,
-        ),
+        typer.Option(help="What the estimator learns from. Default: simulated presses of AEIOU on this pad."),
     ] = None,
     estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")] = "refined",
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            help="An option of the estimator, key=value; unknown=0.5 allows 'none'.",
-            show_default=False,
-        ),
+        typer.Option("--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."),
     ] = None,
     explore: Annotated[
         str | None,
         typer.Option(
             help="The next touch: information (the estimator proposes it) or random. Default: information, if the "
-            "estimator can.",
-            show_default=False,
+            "estimator can."
         ),
     ] = None,
     readings: Annotated[
-        int | None, typer.Option(min=1, help="End after so many touches. Default: go on.", show_default=False)
+        int | None, typer.Option(min=1, help="End after so many touches. Default: go on.")
     ] = None,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,

@@ -12,8 +12,7 @@ def command(
     kind: Annotated[str, typer.Argument(metavar="KIND", help="What to make: estimator, task or source.")],
     name: Annotated[str, typer.Argument(help="Its name: lower-case words with hyphens between them.")],
     out: Annotated[
-        Path | None,
-        typer.Option(help="A new folder. Default: one called as the repository.", show_default=False),
+        Path | None, typer.Option(help="A new folder. Default: one called as the repository.")
     ] = None,
 ) -> None:
     """Make a repository of your own for an estimator, a task or a source, with its tests and its workflow."""

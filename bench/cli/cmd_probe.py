@@ -17,7 +17,7 @@ def command(
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     seconds: Annotated[float, shared.number("How long to listen.", least=0.1)] = 2.0,
-    as_json: pads.AsJson = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""
     import json

@@ -30,8 +30,7 @@ def command(
         ),
     ],
     letter: Annotated[
-        str | None,
-        typer.Option(help="The letter to press: leads through its 4 x 4 x 12 presses.", show_default=False),
+        str | None, typer.Option(help="The letter to press: leads through its 4 x 4 x 12 presses.")
     ] = None,
     split: Annotated[str, typer.Option(help="What the presses are for: train or test.")] = "train",
     device: pads.DeviceName = "emulated",
@@ -48,8 +47,7 @@ def command(
     patience: guide.Patience = None,
     seen: guide.Seen = "behind",
     seconds: Annotated[
-        float | None,
-        shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1, show_default=False),
+        float | None, shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1)
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of poses that are drawn.")] = 0,
 ) -> None:

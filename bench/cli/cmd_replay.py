@@ -22,26 +22,17 @@ def command(
         list[Path], typer.Argument(help="Recordings (.tactrec), or one of the PPS tool (.csv).")
     ],
     scan: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write their presses as one scan, .npz, for `bench run --scan`.", show_default=False
-        ),
+        Path | None, typer.Option(help="Write their presses as one scan, .npz, for `bench run --scan`.")
     ] = None,
-    csv: Annotated[
-        Path | None, typer.Option(help="Write the readings of one recording as CSV, kPa.", show_default=False)
-    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write the readings of one recording as CSV, kPa.")] = None,
     marks: Annotated[
         Path | None,
-        typer.Option(
-            help="For an unguided recording: a CSV of what was pressed, when and where.",
-            show_default=False,
-        ),
+        typer.Option(help="For an unguided recording: a CSV of what was pressed, when and where."),
     ] = None,
     letters: Annotated[
         str | None,
         typer.Option(
-            help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own.",
-            show_default=False,
+            help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own."
         ),
     ] = None,
     shapes: Annotated[
@@ -50,29 +41,21 @@ def command(
             "--shape",
             help="The shape of the object that --marks calls like the file: its centre, inertia and symmetry count in "
             "placement errors; repeat for several.",
-            show_default=False,
         ),
     ] = None,
     moments: Annotated[
         str | None,
         typer.Option(
             help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
-            "presses of other loads are recognised, too. Default: with --marks auto, where there is a rise.",
-            show_default=False,
+            "presses of other loads are recognised, too. Default: with --marks auto, where there is a rise."
         ),
     ] = None,
     at_load: Annotated[
         str | None,
-        typer.Option(
-            help="Take the test presses at a share of their load, such as 75%, on the way there.",
-            show_default=False,
-        ),
+        typer.Option(help="Take the test presses at a share of their load, such as 75%, on the way there."),
     ] = None,
     cut: Annotated[
-        str | None,
-        typer.Option(
-            help="Cut the readings of a large array into small touches, like 5x5.", show_default=False
-        ),
+        str | None, typer.Option(help="Cut the readings of a large array into small touches, like 5x5.")
     ] = None,
     stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
     device: pads.DeviceName = "emulated",

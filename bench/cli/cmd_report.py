@@ -15,7 +15,6 @@ def command(
         typer.Option(
             metavar="FILE.html",
             help="The page to write. Default: report.html in the folder given, in results/ for several.",
-            show_default=False,
         ),
     ] = None,
     each_seed: Annotated[

@@ -9,7 +9,6 @@ import typer
 
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli import space_verbs as space
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import SOLIDS, RunConfig, any_config, run_config
 from tactsim.core.errors import counted
@@ -27,14 +26,13 @@ _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
 def command(
     words: Words,
     context: typer.Context,
-    objects: space.Objects = None,
-    touches: space.Touches = None,
-    hand: space.Hand = None,
+    objects: shared.Objects = None,
+    touches: shared.Touches = None,
+    hand: shared.Hand = None,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     out: Annotated[
-        Path | None,
-        typer.Option(help="A new folder for the results. Default: results/runs/...", show_default=False),
+        Path | None, typer.Option(help="A new folder for the results. Default: results/runs/...")
     ] = None,
     verbose: Annotated[
         bool,
@@ -44,26 +42,20 @@ def command(
             help="Print more readings, how sure the estimator was, times and counts of work.",
         ),
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
-    ] = False,
+    as_json: shared.AsJson = False,
     port: Annotated[
         list[str] | None,
         typer.Option(
             help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
             "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
             rich_help_panel=guide.PANEL,
-            show_default=False,
         ),
     ] = None,
     device: Annotated[
         str, typer.Option(help="Another name of --pad, beside --port.", rich_help_panel=guide.PANEL)
     ] = "emulated",
     calibration: Annotated[
-        Path | None,
-        typer.Option(
-            help="Calibration file of `bench tare`.", rich_help_panel=guide.PANEL, show_default=False
-        ),
+        Path | None, typer.Option(help="Calibration file of `bench tare`.", rich_help_panel=guide.PANEL)
     ] = None,
     frames: guide.Frames = 20,
     force: guide.Force = "0.3:20",
@@ -73,7 +65,7 @@ def command(
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.experiment import perform
-    from tactsim.bench.places import results_folder, save_beside, try_to_save
+    from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_places, print_run, progress_bars
     from tactsim.core.errors import InputError
@@ -90,7 +82,7 @@ def command(
     if words.get("task") == SOLIDS:
         words |= {name: value for name, value in of_space.items() if value is not None}
     else:
-        refuse_typed(context, of_space, space.OUTSIDE)
+        refuse_typed(context, of_space, shared.OUTSIDE)
     if port is not None and "pad" in words:
         if is_typed(context, "device"):
             raise InputError("--pad and --device are one option; leave one out")
@@ -119,10 +111,10 @@ def command(
         with kept_clear(as_json), progress_bars() as progress:
             run = perform(config, jobs=jobs, cache=cache, progress=progress)
 
-        saved, failure = try_to_save(lambda: save_beside(run.save, folder))
-        if as_json:
-            typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
-        else:
+        def show(saved: Path | None) -> None:
+            if as_json:
+                typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
+                return
             print_run(run, verbose)
             if saved is not None:
                 print_places(run, saved)
@@ -130,8 +122,8 @@ def command(
                 plain_console().print(
                     f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
                 )
-        if failure is not None:
-            raise failure
+
+        save_and_show(lambda: save_beside(run.save, folder), show)
 
 
 def _print_shapes(config: RunConfig, console: Console) -> None:

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli import space_verbs as space
 from tactsim.bench.cli.words import Words, dotted, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import ScanWords, scan_options, slip_of_world
 
@@ -28,11 +27,10 @@ def command(
         typer.Option(
             metavar="solids",
             help="Touch objects in space instead of letters in the plane.",
-            rich_help_panel=space.PANEL,
-            show_default=False,
+            rich_help_panel=shared.SOLIDS_PANEL,
         ),
     ] = None,
-    objects: space.Objects = None,
+    objects: shared.Objects = None,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
     from tactsim.bench.console import plain_console
@@ -44,7 +42,7 @@ def command(
         typed = {name: value for name, value in words.items() if is_typed(context, name)}
         _scan_solids(typed | {"task": task} | ({} if objects is None else {"objects": objects}), out)
         return
-    refuse_typed(context, ["objects"], space.OUTSIDE)
+    refuse_typed(context, ["objects"], shared.OUTSIDE)
     check_new_file(out, suffix=".npz")
     options = scan_options(**words)
     with progress_bars() as progress:

@@ -12,19 +12,14 @@ from tactsim.bench.cli import shared_options as shared
 
 def command(
     task: Annotated[str, typer.Argument(metavar="TASK", help="A frozen task; `bench tasks` names them all.")],
-    estimator: Annotated[
-        str, typer.Option(help="The estimator; `bench list` names them all.", show_default=False)
-    ],
-    out: Annotated[Path, typer.Option(help="The bundle, a file that is to be written.", show_default=False)],
+    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")],
+    out: Annotated[Path, typer.Option(help="The bundle, a file that is to be written.")],
     options: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", help="An option of the estimator, key=value; repeat for several.", show_default=False
-        ),
+        typer.Option("--set", help="An option of the estimator, key=value; repeat for several."),
     ] = None,
     title: Annotated[
-        str | None,
-        typer.Option(help="How tables call the method. Default: its name and options.", show_default=False),
+        str | None, typer.Option(help="How tables call the method. Default: its name and options.")
     ] = None,
     reproducible: Annotated[
         bool,
@@ -35,16 +30,14 @@ def command(
     ] = True,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
-    ] = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
     from tactsim.bench.leaderboard.submit import Method, submit
-    from tactsim.bench.places import check_new_file, try_to_save
+    from tactsim.bench.places import check_new_file, save_and_show
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
@@ -83,9 +76,6 @@ def command(
         if place is not None:
             console.print(f"bundle  {place}")
 
-    place, failure = try_to_save(save)
-    show(place)
-    if failure is not None:
-        raise failure
+    save_and_show(save, show)
     if not done:
         raise typer.Exit(1)

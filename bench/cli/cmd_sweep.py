@@ -15,22 +15,14 @@ def command(
         str,
         typer.Argument(metavar="FILE.toml|SUITE", help="A sweep file, or quick, paper, pareto, robustness."),
     ],
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Local processes. Default: one a core.", show_default=False)
-    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Local processes. Default: one a core.")] = None,
     dask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster.", show_default=False
-        ),
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster.")
     ] = None,
     cache: shared.Cache = True,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME.",
-            show_default=False,
-        ),
+        typer.Option(help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME."),
     ] = None,
 ) -> None:
     """Do many runs; a sweep that was stopped goes on where it was when it is started again."""

@@ -29,7 +29,6 @@ def command(
             metavar="NAME[@READING]",
             help="A column, such as right@5, error@20 or settled_95; repeat for several. Default: right@1, right@5, "
             "settled_95 and the error at the end.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

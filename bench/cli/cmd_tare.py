@@ -19,15 +19,13 @@ def command(
         int, typer.Option(min=40, max=100_000, help="Frames that the zero is the median of.")
     ] = 100,
     calibration: Annotated[
-        Path | None,
-        typer.Option(help="With --load: the tare that the gains are added to.", show_default=False),
+        Path | None, typer.Option(help="With --load: the tare that the gains are added to.")
     ] = None,
     load: Annotated[
         str | None,
         typer.Option(
             help="An even load lies on the pad now: its pressure in kPa, or 'even' if that is not known. "
-            "Fits the taxels' gains.",
-            show_default=False,
+            "Fits the taxels' gains."
         ),
     ] = None,
 ) -> None:

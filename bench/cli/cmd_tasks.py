@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import dotted
 
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
 
 def command(
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="NAME|FILE.toml", help="Only this task, whole.", show_default=False),
+        str | None, typer.Argument(metavar="NAME|FILE.toml", help="Only this task, whole.")
     ] = None,
     hash_data: Annotated[
         bool,
@@ -30,7 +28,7 @@ def command(
     ] = False,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    as_json: pads.AsJson = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data."""
     from tactsim.bench import tasks

@@ -15,8 +15,7 @@ def command(
     out: Annotated[Path, typer.Option(help="The file to write, .pdf.")],
     letters: Annotated[str, typer.Option(help="Which letters: AEIOU, A-Z0-9, A,E,I.")] = "AEIOU",
     shape: Annotated[
-        list[Path] | None,
-        typer.Option(help="A shape of your own beside the letters; repeat for several.", show_default=False),
+        list[Path] | None, typer.Option(help="A shape of your own beside the letters; repeat for several.")
     ] = None,
     device: pads.DeviceName = "emulated",
     seen: guide.Seen = "behind",

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
 
@@ -18,14 +17,10 @@ def command(
     ],
     estimator: Annotated[
         list[str] | None,
-        typer.Option(
-            help="An estimator that recognises; may be repeated. [default: refined, histogram]",
-            show_default=False,
-        ),
+        typer.Option(help="An estimator that recognises; may be repeated. [default: refined, histogram]"),
     ] = None,
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An option of the estimators, key=value.", show_default=False),
+        list[str] | None, typer.Option("--set", help="An option of the estimators, key=value.")
     ] = None,
     trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
     ablate: Annotated[
@@ -36,16 +31,14 @@ def command(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="A new folder for validation.json and world.toml, for `bench scan --world`.",
-            show_default=False,
-        ),
+        typer.Option(help="A new folder for validation.json and world.toml, for `bench scan --world`."),
     ] = None,
     seed: shared.Seed = 0,
-    as_json: pads.AsJson = False,
+    as_json: shared.AsJson = False,
 ) -> None:
     """Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition."""
     import json
+    from functools import partial
 
     import tomli_w
 
@@ -54,7 +47,7 @@ def command(
     from tactsim.bench.console import kept_clear
     from tactsim.bench.pad import validation
     from tactsim.bench.placement import load_scan
-    from tactsim.bench.places import check_new_folder, save_beside, try_to_save
+    from tactsim.bench.places import check_new_folder, save_and_show, save_beside
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.files import new_folder
 
@@ -79,11 +72,4 @@ def command(
         else:
             show_report(result, place, recorded)
 
-    if out is None:
-        show(None)
-    else:
-        wanted = out
-        place, failure = try_to_save(lambda: save_beside(save, wanted))
-        show(place)
-        if failure is not None:
-            raise failure
+    save_and_show(None if out is None else partial(save_beside, save, out), show)

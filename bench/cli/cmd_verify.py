@@ -19,17 +19,12 @@ def command(
     ] = 0.05,
     seed: Annotated[
         int | None,
-        typer.Option(
-            min=0,
-            help="Seed of which trials are done again. Default: a new one each time.",
-            show_default=False,
-        ),
+        typer.Option(min=0, help="Seed of which trials are done again. Default: a new one each time."),
     ] = None,
     fresh: Annotated[
         bool,
         typer.Option(
-            "--fresh",
-            help="Also do one more run, with a seed that nobody could have prepared for.",
+            "--fresh", help="Also do one more run, with a seed that nobody could have prepared for."
         ),
     ] = False,
     record: Annotated[
@@ -49,7 +44,7 @@ def command(
     from tactsim.bench.leaderboard.bundle import Machine, Record, bundle_hash, read_bundle, write_record
     from tactsim.bench.leaderboard.verify import verify
     from tactsim.bench.machine import machine, versions
-    from tactsim.bench.places import try_to_save
+    from tactsim.bench.places import save_and_show
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
     from tactsim.core.source_digest import git_commit
@@ -83,7 +78,7 @@ def command(
         if place is not None:
             console.print(f"record    {place}")
 
-    if record:
+    def save() -> Path:
         made = Record(
             bundle=bundle_hash(bundle),
             verified=verdict.verified,
@@ -99,11 +94,8 @@ def command(
             commit=git_commit(),
             made=datetime.now(UTC).isoformat(timespec="seconds"),
         )
-        place, failure = try_to_save(lambda: write_record(made, bundle))
-        show(place)
-        if failure is not None:
-            raise failure
-    else:
-        show(None)
+        return write_record(made, bundle)
+
+    save_and_show(save if record else None, show)
     if not verdict.verified:
         raise typer.Exit(1)

@@ -20,10 +20,7 @@ def command(
     web_port: pads.WebPort = 8737,
     seen: guiding.Seen = "behind",
     seconds: Annotated[
-        float | None,
-        shared.number(
-            "For how long. Default: till q, Ctrl-C or a recording's end.", least=0, show_default=False
-        ),
+        float | None, shared.number("For how long. Default: till q, Ctrl-C or a recording's end.", least=0)
     ] = None,
 ) -> None:
     """Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare."""

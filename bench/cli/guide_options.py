@@ -26,7 +26,6 @@ Patience = Annotated[
     float | None,
     shared.number(
         "Seconds after which a press is taken as it is, for a machine that presses.",
-        show_default=False,
         rich_help_panel=PANEL,
     ),
 ]

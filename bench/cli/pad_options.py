@@ -31,15 +31,11 @@ DeviceName = Annotated[
     ),
 ]
 CalibrationFile = Annotated[
-    Path | None,
-    typer.Option("--calibration", help="Calibration file of `bench tare`.", show_default=False),
+    Path | None, typer.Option("--calibration", help="Calibration file of `bench tare`.")
 ]
 Web = Annotated[bool, typer.Option("--web", help="Show it also as a page on localhost.")]
 WebPort = Annotated[
     int, typer.Option(min=0, max=65535, help="The port of that page; 0 takes any that is free.")
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
 ]
 
 

@@ -46,9 +46,7 @@ def number(help: str, *, least: float | None = None, most: float | None = None, 
 ScanSet = Annotated[
     list[str] | None,
     typer.Option(
-        "--scan-set",
-        help="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them.",
-        show_default=False,
+        "--scan-set", help="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them."
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
@@ -57,11 +55,14 @@ Cache = Annotated[
     bool,
     typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),
 ]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
+]
 Zero = Annotated[
     str,
     typer.Option(
         help="What taxels read at rest: a number, auto to find the level and the sign of each taxel in the "
-        "readings, or off.",
+        "readings, or off."
     ),
 ]
 IdleFile = Annotated[
@@ -69,14 +70,29 @@ IdleFile = Annotated[
     typer.Option(
         "--idle",
         help="Readings of the untouched pad instead: a table of text with a column a taxel, or a .npy file.",
-        show_default=False,
     ),
 ]
 Licence = Annotated[
     str | None,
+    typer.Option(help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own."),
+]
+# Of objects in space, which `bench run` and `bench scan` have with --task solids.
+SOLIDS_PANEL = "Objects in space (--task solids)"
+OUTSIDE = (
+    "is for objects in space; add --task solids, or leave it out"  # of an option, where the task is another
+)
+Objects = Annotated[
+    str | None,
     typer.Option(
-        help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own.",
-        show_default=False,
+        help="Which objects: bolt,nut,key, or 30 for the first thirty (of 50), or none beside shapes. Default: 12.",
+        rich_help_panel=SOLIDS_PANEL,
+    ),
+]
+Touches = Annotated[int | None, typer.Option(help="Touches a trial (20).", rich_help_panel=SOLIDS_PANEL)]
+Hand = Annotated[
+    Path | None,
+    typer.Option(
+        help="Several pads that touch at once: gripper, or a hand file (.toml).", rich_help_panel=SOLIDS_PANEL
     ),
 ]
 

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.console import plain_console
+from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.pad.trained_elsewhere import TOUCHES
 from tactsim.bench.pad.validation import CLASSES, ROWS
 
@@ -49,15 +48,8 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         )
 
 
-def _table(*headings: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if number else "left")
-    return table
-
-
 def _show_errors(console: Console, result: Validation) -> None:
-    table = _table(
+    table = plain_table(
         "recorded against", f"rms {result.unit}", f"bias {result.unit}", "of contact", "correlation"
     )
     for key, name in ROWS.items():
@@ -163,14 +155,14 @@ def _show_classes(console: Console, result: Validation) -> None:
         f"the taxels in the same class; fitted simulation against itself {100 * result.class_ceiling:.1f} %",
         soft_wrap=True,
     )
-    counts = _table("recorded \\ simulated", *CLASSES)
+    counts = plain_table("recorded \\ simulated", *CLASSES)
     for name, row in zip(CLASSES, result.class_counts, strict=True):
         counts.add_row(name, *(f"{count:,}" for count in row))
     console.print(counts)
 
 
 def _show_parts(console: Console, result: Validation) -> None:
-    table = _table("distance with", f"rms {result.unit}", "of the squares", "95 %")
+    table = plain_table("distance with", f"rms {result.unit}", "of the squares", "95 %")
     for part in result.parts:
         name = "left" if part.name == "left" else f"+ {part.name}"
         table.add_row(
@@ -183,7 +175,7 @@ def _show_parts(console: Console, result: Validation) -> None:
 
 
 def _show_recognition(console: Console, result: Validation) -> None:
-    table = _table("", "trained on", *(f"@{touch}" for touch in TOUCHES), "95 % from", "mm")
+    table = plain_table("", "trained on", *(f"@{touch}" for touch in TOUCHES), "95 % from", "mm")
     for name, sides in result.recognition.items():
         for side, figures in sides.items():
             accuracy, error = figures["accuracy"], figures["error_mm"]
@@ -194,13 +186,15 @@ def _show_recognition(console: Console, result: Validation) -> None:
             )  # fmt: skip
     console.print(table)
     if result.drops:
-        table = _table("beside recorded training", "trained on", f"fewer right @{result.drop_at}", "95 %")
+        table = plain_table(
+            "beside recorded training", "trained on", f"fewer right @{result.drop_at}", "95 %"
+        )
         for name, lost in result.drops.items():
             for side, (by, low, high) in lost.items():
                 table.add_row(name, _TRAINED[side], f"{by:+.2f}", f"{low:+.2f} to {high:+.2f}")
         console.print(table)
     if result.worlds:
-        table = _table("trained in a world with", f"@{result.drop_at}", "95 % from", "gained")
+        table = plain_table("trained in a world with", f"@{result.drop_at}", "95 % from", "gained")
         for row in result.worlds:
             by, low, high = row["gained"]
             table.add_row(
