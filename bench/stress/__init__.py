@@ -1,7 +1,8 @@
 """Numerical stress cases: each varies one thing over many decades and measures the worst deviation.
 
 Lives here: one file a topic, each a list of cases with a limit and the reason for it. `bench stress` runs them
-all. Does not live here: faults of disks and processes, and hostile files; those are tests.
+all: it says when something breaks numerically. Does not live here: how exact a press or a bound is, faults of disks
+and processes, and hostile files; those are tests.
 """
 
 from __future__ import annotations
@@ -21,12 +22,6 @@ TOPICS = (
     "none",
     "motion",
     "press",
-    "loads",
-    "engines",
-    "dynamics",
-    "foundations",
-    "convergence",
-    "bound",
 )
 
 __all__ = ["TOPICS", "Case", "Outcome", "cases", "chosen_cases", "run_case", "run_cases"]

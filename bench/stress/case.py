@@ -86,6 +86,27 @@ class Outcome:
             return self.worst >= self.case.limit
         return self.worst <= self.case.limit
 
+    @property
+    def verdict(self) -> str:
+        """Say in a word whether the case keeps to its limit."""
+        return "passes" if self.passed else "FAILS"
+
+    def as_json(self) -> dict[str, Any]:
+        """Put the outcome into what `--json` prints; a worst that is not finite is None."""
+        return {
+            "name": self.case.name,
+            "tags": self.case.tags,
+            "varied": self.case.varied,
+            "deviation": self.case.deviation,
+            "worst": self.worst if math.isfinite(self.worst) else None,
+            "at": self.at,
+            "limit": self.case.limit,
+            "limit_is": "least" if self.case.at_least else "most",
+            "because": self.case.because,
+            "verdict": self.verdict,
+            "seconds": self.seconds,
+        }
+
 
 def case(
     name: str,

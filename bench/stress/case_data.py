@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.stress.case import Worst
 from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Pad, Scan, compose, invert
 from tactsim.core.pad import offsets
@@ -34,11 +35,7 @@ def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = No
 @cache
 def few(scan: Scan, every: int = 16) -> Scan:
     """Keep every n-th reading of a scan."""
-    chosen = np.arange(0, len(scan), every)
-    return Scan(
-        scan.readings[chosen], scan.poses[chosen], scan.labels[chosen], scan.split[chosen], scan.taxel_xy,
-        scan.meta,
-    )  # fmt: skip
+    return scan.chosen(np.arange(0, len(scan), every))
 
 
 @lru_cache(maxsize=40)
@@ -91,6 +88,22 @@ def hidden(scan: Scan, label: str, count: int, seed: int = 0) -> tuple[FloatArra
     test = scan.where("test", label)
     order = rng.permutation(len(test))[:count]
     return test.readings[order], compose(invert(truth), test.poses[order]), truth
+
+
+def after(estimator: Estimator, readings: FloatArray, poses: FloatArray, seed: int = 0) -> Estimate:
+    """Begin a sequence, take in readings (n, taxels) at poses (n, 3), and give the estimate after the last."""
+    estimator.reset(np.random.default_rng(seed))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+    return estimator.estimate()
+
+
+def see_sound(worst: Worst, estimator: Estimator, readings: FloatArray, poses: FloatArray, at: str) -> None:
+    """Begin a sequence, and see after each of its readings that the probabilities are some: see `flaw`."""
+    estimator.reset(np.random.default_rng(0))
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        worst.see(flaw(estimator.estimate()), at)
 
 
 def probabilities(estimate: Estimate) -> FloatArray:

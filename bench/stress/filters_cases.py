@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from tactsim.bench.placement import placement_error, properties
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.case_data import (
+    after,
     draws,
     every_estimator,
     few,
@@ -17,6 +19,7 @@ from tactsim.bench.stress.case_data import (
     hidden,
     pressed,
     probabilities,
+    see_sound,
 )
 from tactsim.bench.stress.likelihood_cases import (
     exact_log_p_of_letters,
@@ -24,7 +27,7 @@ from tactsim.bench.stress.likelihood_cases import (
     one_state,
     straight_readings,
 )
-from tactsim.core import Scan, compose
+from tactsim.core import compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimator
 from tactsim.estimators.filters.jackknife import influence
@@ -33,14 +36,6 @@ from tactsim.models import names
 
 LONG = 10_000
 _FEWER = 300
-
-
-def feed(estimator: Estimator, readings: FloatArray, poses: FloatArray, seed: int = 0) -> FloatArray:
-    """Begin a sequence, take in all readings, and give the letters' probabilities after the last."""
-    estimator.reset(np.random.default_rng(seed))
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-    return probabilities(estimator.estimate())
 
 
 def exact_estimators() -> list[tuple[str, dict[str, object]]]:
@@ -182,10 +177,10 @@ def order_of_readings(worst: Worst) -> None:
         for label in scan.letters:
             for count in (2, 3, 8):
                 readings, poses, _ = hidden(scan, label, count, seed=4)
-                first = feed(estimator, readings, poses)
+                first = probabilities(after(estimator, readings, poses))
                 for seed in range(10):
                     order = np.random.default_rng(seed).permutation(count)
-                    again = feed(estimator, readings[order], poses[order])
+                    again = probabilities(after(estimator, readings[order], poses[order]))
                     worst.see(np.abs(again - first), f"{options}, letter {label}, order {seed}")
 
 
@@ -202,13 +197,10 @@ def order_of_letters(worst: Worst) -> None:
     scan = few(pressed("AEIO"), 5)
     readings, poses, _ = hidden(scan, "O", 3, seed=5)
     for name, options in exact_estimators():
-        first = feed(fitted(name, scan, **options), readings, poses)
+        first = probabilities(after(fitted(name, scan, **options), readings, poses))
         for letters in ("OIEA", "IOAE"):
             order = np.concatenate([np.flatnonzero(scan.labels == letter) for letter in letters])
-            moved = Scan(
-                scan.readings[order], scan.poses[order], scan.labels[order], scan.split[order], scan.taxel_xy
-            )
-            again = feed(fitted(name, moved, **options), readings, poses)
+            again = probabilities(after(fitted(name, scan.chosen(order), **options), readings, poses))
             worst.see(np.abs(again - first), f"{options}, {letters}")
 
 
@@ -288,9 +280,7 @@ def budget_of_one(worst: Worst) -> None:
                     worst.holds(True, where)
                     continue
                 readings, poses, _ = hidden(scan, "E", 3)
-                for reading, pose in zip(readings, poses, strict=True):
-                    estimators[0].update(reading, pose)
-                    worst.see(flaw(estimators[0].estimate()), where)
+                see_sound(worst, estimators[0], readings, poses, where)
 
 
 @case(
@@ -307,10 +297,7 @@ def every_letter(worst: Worst) -> None:
         estimator = fitted(name, scan, **budget)
         for label in scan.letters[::5]:
             readings, poses, _ = hidden(scan, label, 30, seed=8)
-            estimator.reset(np.random.default_rng(0))
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-            estimate = estimator.estimate()
+            estimate = after(estimator, readings, poses)
             worst.see(flaw(estimate), f"{name}, {label}")
             if name == "histogram":
                 worst.holds(estimate.label == label, f"{name} takes {label} for {estimate.label}")
@@ -342,10 +329,7 @@ def faulty_taxels(worst: Worst) -> None:
     for name, budget in every_estimator():
         estimator = fitted(name, scan, **budget)
         for what, faulty in faults.items():
-            estimator.reset(np.random.default_rng(0))
-            for reading, pose in zip(faulty, poses, strict=True):
-                estimator.update(reading, pose)
-                worst.see(flaw(estimator.estimate()), f"{name}, {what}")
+            see_sound(worst, estimator, faulty, poses, f"{name}, {what}")
 
 
 @case(
@@ -362,12 +346,9 @@ def trained_on_faults(worst: Worst) -> None:
     readings, poses, _ = hidden(scan, "E", 4)
     for what, value in (("dead", 0.0), ("stuck", 50.0), ("saturated", 1e9), ("negative", -1e9)):
         faulty = np.where(scan.split[:, None] == "train", value, scan.readings)
-        broken = Scan(faulty, scan.poses, scan.labels, scan.split, scan.taxel_xy)
+        broken = replace(scan, readings=faulty)
         for name, budget in every_estimator(budget=200, learning=True):
-            estimator = fitted(name, broken, **budget)
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-                worst.see(flaw(estimator.estimate()), f"{name}, {what}")
+            see_sound(worst, fitted(name, broken, **budget), readings, poses, f"{name}, {what}")
 
 
 @case(
@@ -443,10 +424,7 @@ def symmetric_letters(worst: Worst) -> None:
     for label in "IO":
         for seed in range(12):
             readings, poses, truth = hidden(scan, label, 30, seed=seed)
-            estimator.reset(np.random.default_rng(0))
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-            estimate = estimator.estimate()
+            estimate = after(estimator, readings, poses)
             half_bin = math.hypot(0.5, 0.5) + math.sqrt(objects[label].inertia_over_mass) * math.pi / 24
             error = float(placement_error(estimate.robot_in_object, truth, objects[label])) / (2 * half_bin)
             worst.see(error if estimate.label == label else np.inf, f"{label}, trial {seed}")
@@ -497,7 +475,4 @@ def after_nonsense(worst: Worst) -> None:
         for label in scan.letters:
             readings, poses, _ = hidden(scan, label, 33, seed=10)
             readings[:3] = rng.choice([0.0, 60.0], (3, 36))
-            estimator.reset(np.random.default_rng(0))
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-            worst.holds(estimator.estimate().label == label, f"{name}, letter {label}")
+            worst.holds(after(estimator, readings, poses).label == label, f"{name}, letter {label}")

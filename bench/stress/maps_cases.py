@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.bench.stress.case_data import (
+    after,
     draws,
     every_estimator,
     few,
@@ -124,10 +126,7 @@ def one_reading_many_times(worst: Worst) -> None:
     start = math.log(0.2 / 0.8)
 
     def evidence(times: int) -> FloatArray:
-        repeated = Scan(
-            np.repeat(scan.readings, times, axis=0), np.repeat(scan.poses, times, axis=0),
-            np.repeat(scan.labels, times), np.repeat(scan.split, times), scan.taxel_xy,
-        )  # fmt: skip
+        repeated = scan.chosen(np.repeat(np.arange(len(scan)), times))
         return learn_maps(repeated)["E"].log_odds - start
 
     once = evidence(1)
@@ -150,10 +149,7 @@ def order_of_readings(worst: Worst) -> None:
     first = learn_maps(scan)["E"].log_odds
     for seed in range(5):
         order = np.random.default_rng(seed).permutation(len(scan))
-        shuffled = Scan(
-            scan.readings[order], scan.poses[order], scan.labels[order], scan.split[order], scan.taxel_xy
-        )
-        worst.see(np.abs(learn_maps(shuffled)["E"].log_odds - first), f"order {seed}")
+        worst.see(np.abs(learn_maps(scan.chosen(order))["E"].log_odds - first), f"order {seed}")
 
 
 @case(
@@ -171,12 +167,10 @@ def without_information(worst: Worst) -> None:
     unknown = np.full(scan.readings.shape, 1.9)  # below T, above 0.3 of the largest
     for what, trained in (("Unknown", unknown), ("zero", 0 * unknown), ("in contact", 0 * unknown + 50.0)):
         poses_of_one = np.tile(scan.where(label="A").poses, (3, 1))
-        blank = Scan(trained, poses_of_one, scan.labels, scan.split, scan.taxel_xy)
+        blank = replace(scan, readings=trained, poses=poses_of_one)
         for name, budget in every_estimator(learning=True):
             estimator = fitted(name, blank, **budget)
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-            estimate = estimator.estimate()
+            estimate = after(estimator, readings, poses)
             worst.see(flaw(estimate), f"{name}, all {what}")
             if not draws(name):  # whose populations wander by chance
                 worst.see(np.abs(probabilities(estimate) - 1 / 3), f"{name}, all {what}")
@@ -203,12 +197,9 @@ def not_finite(worst: Worst) -> None:
         else:
             worst.holds(False, f"a map with {bad}")
         for name in ("readings", "poses", "taxel_xy"):
-            parts = {
-                part: getattr(scan, part) for part in ("readings", "poses", "labels", "split", "taxel_xy")
-            }
-            parts[name] = parts[name].copy()
-            parts[name][-1, -1] = bad
-            worst.holds(refused(Scan, **parts), f"{name} with {bad}")
+            values = getattr(scan, name).copy()
+            values[-1, -1] = bad
+            worst.holds(refused(replace, scan, **{name: values}), f"{name} with {bad}")
 
 
 @case(
@@ -225,5 +216,6 @@ def far_apart(worst: Worst) -> None:
     for decade in (3, 6, 9, 100, 300):
         poses = scan.poses.copy()
         poses[0, :2] = (10.0**decade, -(10.0**decade))
-        parts = (scan.readings, poses, scan.labels, scan.split, scan.taxel_xy)
-        worst.holds(refused(lambda parts=parts: learn_maps(Scan(*parts))) or decade < 4, f"1e{decade} mm")
+        worst.holds(
+            refused(lambda far=poses: learn_maps(replace(scan, poses=far))) or decade < 4, f"1e{decade} mm"
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.case_data import few, fitted, flaw, hidden, pressed
+from tactsim.bench.stress.case_data import after, few, fitted, hidden, pressed, see_sound
 from tactsim.estimators import NONE
 
 
@@ -28,10 +28,7 @@ def odd_readings(worst: Worst) -> None:
             ("below 0", -readings),
             ("all alike", np.full_like(readings, 40.0)),
         ):
-            estimator.reset(np.random.default_rng(0))
-            for reading, pose in zip(felt, poses, strict=True):
-                estimator.update(reading, pose)
-                worst.see(flaw(estimator.estimate()), f"prior {unknown:g}, {what}")
+            see_sound(worst, estimator, felt, poses, f"prior {unknown:g}, {what}")
 
 
 @case(
@@ -50,8 +47,5 @@ def load_and_world(worst: Worst) -> None:
         for seed in range(6):
             for label in scan.letters:
                 readings, poses, _ = hidden(scan, label, 12, seed)
-                estimator.reset(np.random.default_rng(0))
-                for reading, pose in zip(readings, poses, strict=True):
-                    estimator.update(reading, pose)
-                refused += estimator.estimate().label == NONE
+                refused += after(estimator, readings, poses).label == NONE
         worst.see(refused / 18, world)

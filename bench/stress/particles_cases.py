@@ -8,6 +8,7 @@ import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
 from tactsim.bench.stress.case_data import (
+    after,
     draws,
     every_estimator,
     fitted,
@@ -122,11 +123,8 @@ def same_seed(worst: Worst) -> None:
         estimator = fitted(name, scan, gamma=0.6, **options)
         answers = []
         for seed in (0, 0, 1):
-            estimator.reset(np.random.default_rng(seed))
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
             # The poses too: few particles may all be of one letter, whatever the seed.
-            got = estimator.estimate()
+            got = after(estimator, readings, poses, seed)
             samples = [] if got.samples is None else got.samples.poses.tolist()
             answers.append([probabilities(got).tolist(), got.robot_in_object.tolist(), samples])
         worst.holds(answers[0] == answers[1], f"{name}: two runs of one seed differ")

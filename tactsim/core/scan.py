@@ -341,8 +341,8 @@ class Scan:
             self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence
         )
 
-    def chosen(self, chosen: NDArray[np.bool_]) -> Self:
-        """Select readings by a mask (n,), in their order."""
+    def chosen(self, chosen: NDArray[Any]) -> Self:
+        """Select readings by a mask (n,), or by their numbers (k,), in the order of these."""
         given = [name for name in self._A_READING if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in given})
 

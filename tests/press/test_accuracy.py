@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from exact_readings import expected_reading, overlap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from level_world import level_press, level_scan
 from manifold3d import CrossSection
 
 from tactsim import models
-from tactsim.bench.stress.exact_readings import expected_reading, overlap
 from tactsim.core import Pad
 from tactsim.press import SensorOptions
 from tactsim.press.engine import ideal_readings

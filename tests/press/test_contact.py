@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
+from exact_readings import integral
 from level_world import level_press, level_scan
 from manifold3d import CrossSection
 from scipy.optimize import root
 
 from tactsim import models
-from tactsim.bench.stress.exact_readings import integral
 from tactsim.core import InputError, Pad, transform
 from tactsim.press import balance, press_letter
 from tactsim.press.bed import Level, lay_bed, levels

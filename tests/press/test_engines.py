@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from exact_readings import expected_reading
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from level_world import level_press, level_scan
 from test_accuracy import LEAST_AREA
 
 from tactsim import models
-from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core import Pad, transform
 from tactsim.core.errors import InputError
 from tactsim.press.clip import covers

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from exact_readings import expected_reading
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from level_world import level_press, level_scan
@@ -12,7 +13,6 @@ from manifold3d import CrossSection
 from scipy.special import erf
 
 from tactsim import models
-from tactsim.bench.stress.exact_readings import expected_reading
 from tactsim.core import Pad
 from tactsim.press import ScanOptions, SensorOptions
 from tactsim.press.bed import Level, lay_bed
