@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
-from tactsim.bench.runs.naming import Entry, Group
+from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import error_limits
 from tactsim.bench.trials import Trials
 
@@ -76,7 +76,7 @@ def below_bound(group: Group) -> list[str]:
     return notes
 
 
-def confusion_counts(entry: Entry) -> tuple[list[str], NDArray[np.int64]]:
+def confusion_counts(entry: Pooled) -> tuple[list[str], NDArray[np.int64]]:
     """Count trials by true letter and estimate: returns the labels, and counts (readings, labels, labels).
 
     The labels are the true letters, then all other labels that are estimated or right.
@@ -115,7 +115,7 @@ def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
     ]
 
 
-def _who(group: Group, entry: Entry) -> tuple[str, ...]:
+def _who(group: Group, entry: Pooled) -> tuple[str, ...]:
     amount = str(entry.budget.amount) if entry.budget else ""
     return (
         group.protocol,

@@ -22,7 +22,7 @@ from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_c
 from tactsim.bench.report.outlines import outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
-from tactsim.bench.runs.naming import Entry, Group
+from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.core.errors import counted
 from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
@@ -74,7 +74,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
     )
 
 
-def _versions(entries: Sequence[Entry]) -> str:
+def _versions(entries: Sequence[Pooled]) -> str:
     lines = dict.fromkeys(
         ", ".join(f"{name} {number}" for name, number in sorted(entry.run.about["versions"].items()))
         for entry in entries
@@ -152,7 +152,7 @@ def _table_1(printed: paper.Printed) -> str | None:
     return " x ".join(map(str, TABLE_I[printed.amount])) if printed.option == "bins" else None
 
 
-def _run(entry: Entry, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
     run, summary = entry.run, entry.summary
     low, high = entry.error_band
     letters, counts = confusion_counts(entry)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tactsim.bench.runs.naming import Entry, Group
+from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import recognition_seconds, settled_by
 
 
@@ -19,7 +19,7 @@ class Point:
     other run is at once as fast and as good.
     """
 
-    entry: Entry
+    entry: Pooled
     seconds: float
     error: float | None
     low: float | None
@@ -80,7 +80,7 @@ def has_curves(group: Group) -> bool:
     )
 
 
-def machine_line(entries: Sequence[Entry]) -> str:
+def machine_line(entries: Sequence[Pooled]) -> str:
     """Say on which machine, or machines, the times were taken."""
     machines = [entry.run.about["machine"] for entry in entries]
     lines = dict.fromkeys(f"{m['processor']}, {m['cores']} cores, {m['system']}" for m in machines)

@@ -18,7 +18,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from tactsim.bench import paper
 from tactsim.bench.report.curves import axis_of_errors, below_bound
 from tactsim.bench.report.pareto import Point, machine_line, points
-from tactsim.bench.runs.naming import Group
+from tactsim.bench.runs.pooled import Group
 from tactsim.core.files import write_bytes
 
 # One colour and one marker a method, in order; the page (assets/page.css and charts.js) uses the same.

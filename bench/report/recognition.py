@@ -14,7 +14,7 @@ from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import gather, plan_of, silent
 from tactsim.bench.placement import Properties, covariance
 from tactsim.bench.results import Run
-from tactsim.bench.runs.naming import Entry, Group
+from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import errors, settled_at
 from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert
@@ -43,7 +43,7 @@ class Recognition:
     not say. radius: (n,) mm, of the 90 % region. plane: one belief a reading, or None if the estimator shows none.
     """
 
-    entry: Entry
+    entry: Pooled
     task: OneTrial
     answer: str
     kind: str
@@ -66,13 +66,13 @@ class Recognition:
 class Replayed:
     """The trials of one run that were done again, with the readings and the maps."""
 
-    entry: Entry
+    entry: Pooled
     scan: Scan
     maps: Mapping[str, OccupancyMap]
     recognitions: tuple[Recognition, ...]
 
 
-def representatives(groups: Sequence[Group]) -> list[tuple[Group, Entry]]:
+def representatives(groups: Sequence[Group]) -> list[tuple[Group, Pooled]]:
     """Choose the runs whose trials are done again, at most `MOST` of a protocol.
 
     They are the runs of the protocol's first task, of each method the one with the largest budget.
@@ -128,14 +128,14 @@ def replay_all(
     return done, failed
 
 
-def _replay(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> Replayed:
+def _replay(entry: Pooled, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.fitted()
     recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
 
-def _plan_anew(entry: Entry, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> TrialPlan:
+def _plan_anew(entry: Pooled, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> TrialPlan:
     """Put together what trials of a loaded run need. Raises InputError if its readings cannot be had again."""
     scan = readings_of(entry.run, scans)
     config = _config(entry.run)
@@ -187,7 +187,9 @@ def _pressed_again(options: Any, config: RunConfig) -> Scan:
     return scan
 
 
-def _recognise(entry: Entry, estimator: Estimator, plan: TrialPlan, task: OneTrial, kind: str) -> Recognition:
+def _recognise(
+    entry: Pooled, estimator: Estimator, plan: TrialPlan, task: OneTrial, kind: str
+) -> Recognition:
     test = plan.scan.where("test", task.truth)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []

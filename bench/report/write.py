@@ -17,7 +17,7 @@ from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import readings_of, replay_all
 from tactsim.bench.results import Run, load
-from tactsim.bench.runs.naming import Group, collect
+from tactsim.bench.runs.pooled import Group, collect
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked

@@ -1,26 +1,16 @@
-"""How runs are called, the method, its budget and the task, and which of them may be compared.
-
-A method is an estimator with its options but without its budget. Runs of one protocol and one task saw the same
-readings, so that they may share a table or a picture.
-"""
+"""How runs are called: the method, which is an estimator with its options but without its budget, and the task."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path, PurePosixPath
+from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
-import numpy as np
 from pydantic import BaseModel
 
 from tactsim.bench.results import Run
-from tactsim.bench.score import Z_95, summarise
-from tactsim.bench.trials import Trials
 from tactsim.press import WORLDS, ScanOptions
 
 
@@ -30,130 +20,6 @@ class Budget(NamedTuple):
     option: str
     text: str
     amount: int
-
-
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """One run in a report, or runs that differ in the seed alone, whose trials are taken together.
-
-    folder: of the first. label: a name that no other entry of its task has.
-    """
-
-    folder: Path
-    runs: tuple[Run, ...]
-    method: str
-    budget: Budget | None
-    label: str
-
-    @property
-    def run(self) -> Run:
-        """Give the first run, for what all have in common."""
-        return self.runs[0]
-
-    @property
-    def seeds(self) -> str:
-        """List the seeds."""
-        return " ".join(str(run.seed) for run in self.runs)
-
-    @cached_property
-    def trials(self) -> Trials:
-        """Give the trials of all runs, one run after the other."""
-        return Trials.joined(run.trials for run in self.runs)
-
-    @cached_property
-    def summary(self) -> Mapping[str, Any]:
-        """Give every metric, computed from the raw trials; of several runs with intervals over scans and trials."""
-        if len(self.runs) == 1:
-            return self.run.summary
-        from tactsim.bench.runs.pooled import intervals
-
-        return summarise(self.trials, self.run.objects) | intervals(self.runs)
-
-    @property
-    def error_band(self) -> tuple[Sequence[float | None], Sequence[float | None]]:
-        """Bound the mean error at every reading with its 95 % interval; None where there is no error."""
-        s = self.summary
-        if "error_low_mm" in s:  # of several scans
-            return s["error_low_mm"], s["error_high_mm"]
-        pairs = list(zip(s["error_mm"], s["error_standard_error_mm"], strict=True))
-        low = [None if None in pair else max(pair[0] - Z_95 * pair[1], 0.0) for pair in pairs]
-        return low, [None if None in pair else pair[0] + Z_95 * pair[1] for pair in pairs]
-
-    @cached_property
-    def against_bound(self) -> Mapping[str, Any]:
-        """Give the bound of the error, and error over bound, by reading; see `Run.against_bound`."""
-        if len(self.runs) == 1:
-            return self.run.against_bound
-        known = [run.bounds for run in self.runs if run.bounds is not None]
-        bounds = np.concatenate(known) if len(known) == len(self.runs) else None
-        return replace(self.run, trials=self.trials, bounds=bounds).against_bound
-
-    @property
-    def readings(self) -> int:
-        """Count the readings of a trial."""
-        return self.run.readings
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """The runs of one protocol on the same readings of the same letters: they share plots.
-
-    task: what differs from the defaults in the data, in words.
-    """
-
-    protocol: str
-    task: str
-    entries: tuple[Entry, ...]
-
-    @property
-    def methods(self) -> tuple[str, ...]:
-        """List the methods, in order of appearance."""
-        return tuple(dict.fromkeys(entry.method for entry in self.entries))
-
-    @property
-    def readings(self) -> int:
-        """Count the readings that every run has."""
-        return min(entry.readings for entry in self.entries)
-
-
-def collect(runs: Iterable[tuple[Path, Run]], *, pool_seeds: bool = False) -> list[Group]:
-    """Group runs, each with the folder that it is known by, by protocol and task, in order of appearance.
-
-    pool_seeds: whether runs that differ in the seed alone are one entry.
-    """
-    tasks: dict[tuple[str, str], list[tuple[Path, Run]]] = {}
-    for folder, run in runs:
-        key = run.about["protocol"], task_name(run, with_seed=not pool_seeds)
-        tasks.setdefault(key, []).append((folder, run))
-    order = list(dict.fromkeys(protocol for protocol, _ in tasks))
-    return [
-        Group(protocol, task, tuple(_entries(runs, pool_seeds)))
-        for (protocol, task), runs in sorted(tasks.items(), key=lambda item: order.index(item[0][0]))
-    ]
-
-
-def _entries(runs: Sequence[tuple[Path, Run]], pool_seeds: bool) -> list[Entry]:
-    alike: dict[Any, tuple[Path, list[Run]]] = {}
-    for number, (folder, run) in enumerate(runs):
-        key = method_name(run), budget(run), run.readings, run.config["trials"]
-        first = alike.setdefault((key, 0 if pool_seeds else number), (folder, []))
-        if run.seed in [other.seed for other in first[1]]:  # done twice: what differs nobody has said
-            first = alike.setdefault((key, number + 1), (folder, []))
-        first[1].append(run)
-    named = [(folder, of, method_name(of[0]), budget(of[0])) for folder, of in alike.values()]
-    labels = [f"{method}, {of.text} {of.option}" if of else method for _, _, method, of in named]
-    counts = Counter(labels)
-    entries = [
-        Entry(
-            folder, tuple(runs), method, of,
-            label if counts[label] == 1 else f"{label} ({folder.name})",
-        )
-        for (folder, runs, method, of), label in zip(named, labels, strict=True)
-    ]  # fmt: skip
-    methods = list(dict.fromkeys(entry.method for entry in entries))
-    return sorted(
-        entries, key=lambda entry: (methods.index(entry.method), entry.budget.amount if entry.budget else 0)
-    )
 
 
 def budget(run: Run) -> Budget | None:

@@ -1,5 +1,7 @@
 """Pool runs that differ in the seed alone, and bound their figures by a bootstrap over scans and trials.
 
+Runs of one protocol and one task saw the same readings, so that they may share a table or a picture: a `Group`.
+
 A run has a scan of its own, and all its trials share the maps learned from it. So its trials are not independent,
 and an interval from the trials of one run says nothing of the next scan. The bootstrap has two levels (Davison and
 Hinkley 1997, section 3.8): it draws as many runs as there are, with replacement, and from each of them as many trials
@@ -9,9 +11,11 @@ more, and there are only five, they hold the truth in 85 to 90 % of cases instea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,12 +24,14 @@ from numpy.typing import ArrayLike
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
 from tactsim.bench.score import (
+    Z_95,
     Scored,
     errors,
     recognition_seconds,
     recoveries,
     settled_at,
     settled_by,
+    summarise,
     wilson,
 )
 from tactsim.bench.trials import Trials
@@ -48,18 +54,63 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Pooled:
-    """The runs of one method and budget, protocol and task, one for each seed."""
+    """The runs of one method and budget, protocol and task, one for each seed; in a report perhaps a single one.
+
+    folder: of the first, where it is known. mark: what tells it from others that would be called alike; or "".
+    """
 
     method: str
     budget: Budget | None
     protocol: str
     task: str
     runs: tuple[Run, ...]
+    folder: Path | None = None
+    mark: str = ""
 
     @property
     def label(self) -> str:
         """Name the method with its budget."""
-        return f"{self.method}, {self.budget.text} {self.budget.option}" if self.budget else self.method
+        name = f"{self.method}, {self.budget.text} {self.budget.option}" if self.budget else self.method
+        return f"{name} ({self.mark})" if self.mark else name
+
+    @property
+    def run(self) -> Run:
+        """Give the first run, for what all have in common."""
+        return self.runs[0]
+
+    @property
+    def seeds(self) -> str:
+        """List the seeds."""
+        return " ".join(str(run.seed) for run in self.runs)
+
+    @property
+    def readings(self) -> int:
+        """Count the readings of a trial."""
+        return self.run.readings
+
+    @cached_property
+    def summary(self) -> Mapping[str, Any]:
+        """Give every metric, computed from the raw trials; of several runs with intervals over scans and trials."""
+        if len(self.runs) == 1:
+            return self.run.summary
+        return summarise(self.trials, self.run.objects) | intervals(self)
+
+    @property
+    def error_band(self) -> tuple[Sequence[float | None], Sequence[float | None]]:
+        """Bound the mean error at every reading with its 95 % interval; None where there is no error."""
+        s = self.summary
+        if "error_low_mm" in s:  # of several scans
+            return s["error_low_mm"], s["error_high_mm"]
+        pairs = list(zip(s["error_mm"], s["error_standard_error_mm"], strict=True))
+        low = [None if None in pair else max(pair[0] - Z_95 * pair[1], 0.0) for pair in pairs]
+        return low, [None if None in pair else pair[0] + Z_95 * pair[1] for pair in pairs]
+
+    @cached_property
+    def against_bound(self) -> Mapping[str, Any]:
+        """Give the bound of the error, and error over bound, by reading; see `Run.against_bound`."""
+        if len(self.runs) == 1:
+            return self.run.against_bound
+        return replace(self.run, trials=self.trials, bounds=self.bounds).against_bound
 
     @cached_property
     def trials(self) -> Trials:
@@ -145,35 +196,90 @@ def _counts_of(sizes: tuple[int, ...]) -> FloatArray:
     return counts
 
 
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The runs of one protocol on the same readings of the same letters: they share plots.
+
+    task: what differs from the defaults in the data, in words.
+    """
+
+    protocol: str
+    task: str
+    entries: tuple[Pooled, ...]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """List the methods, in order of appearance."""
+        return tuple(dict.fromkeys(entry.method for entry in self.entries))
+
+    @property
+    def readings(self) -> int:
+        """Count the readings that every run has."""
+        return min(entry.readings for entry in self.entries)
+
+
+def collect(runs: Iterable[tuple[Path, Run]], *, pool_seeds: bool = False) -> list[Group]:
+    """Group runs, each with the folder that it is known by, by protocol and task, in order of appearance.
+
+    pool_seeds: whether runs that differ in the seed alone are one entry. A method's entries go by their budget, and
+    those that would be called alike are told apart by their folders.
+    """
+    groups: dict[tuple[str, str], list[Pooled]] = {}
+    for one in _pooled(runs, pool_seeds):
+        groups.setdefault((one.protocol, one.task), []).append(one)
+    order = list(dict.fromkeys(protocol for protocol, _ in groups))
+    collected = []
+    for (protocol, task), pools in sorted(groups.items(), key=lambda item: order.index(item[0][0])):
+        counts = Counter(one.label for one in pools)
+        methods = list(dict.fromkeys(one.method for one in pools))
+        pools.sort(key=lambda one: (methods.index(one.method), one.budget.amount if one.budget else 0))
+        named = (
+            replace(one, mark=one.folder.name) if one.folder and counts[one.label] > 1 else one
+            for one in pools
+        )
+        collected.append(Group(protocol, task, tuple(named)))
+    return collected
+
+
 def pool(runs: Iterable[Run]) -> list[Pooled]:
     """Put runs together that differ in the seed alone, those of one protocol and task side by side.
 
     Raises InputError if a run is there twice.
     """
-    found: dict[tuple[Any, ...], list[Run]] = {}
-    for run in runs:
-        key = (
-            run.protocol, task_name(run, with_seed=False), method_name(run), budget(run),
-            run.readings, run.config["trials"],
-        )  # fmt: skip
-        found.setdefault(key, []).append(run)
-    pools = []
-    for (protocol, task, method, of, *_), alike in found.items():
-        if len({run.seed for run in alike}) < len(alike):
+    pools = _pooled(((None, run) for run in runs), True)
+    seen = set()
+    for one in pools:
+        key = one.protocol, one.task, one.label, one.readings, one.run.config["trials"]
+        if key in seen:
             raise InputError(
-                f"{method} is there twice with the same seed, and only seeds that differ are pooled"
+                f"{one.method} is there twice with the same seed, and only seeds that differ are pooled"
             )
-        pools.append(Pooled(method, of, protocol, task, tuple(alike)))
+        seen.add(key)
     kinds = list(dict.fromkeys((one.protocol, one.task) for one in pools))
     return sorted(pools, key=lambda one: kinds.index((one.protocol, one.task)))
 
 
-def intervals(runs: Sequence[Run]) -> dict[str, list[float | None]]:
+def _pooled(runs: Iterable[tuple[Path | None, Run]], pool_seeds: bool) -> list[Pooled]:
+    """Put runs together that differ in the seed alone, if `pool_seeds`; one that is there twice stays by itself."""
+    found: dict[tuple[Any, ...], tuple[Path | None, list[Run]]] = {}
+    for number, (folder, run) in enumerate(runs):
+        task = task_name(run, with_seed=not pool_seeds)
+        what = method_name(run), budget(run), run.protocol, task
+        key: tuple[Any, ...] = (*what, run.readings, run.config["trials"], 0 if pool_seeds else number)
+        if key in found and run.seed in [other.seed for other in found[key][1]]:
+            key = (*key, number)
+        found.setdefault(key, (folder, []))[1].append(run)
+    return [
+        Pooled(method, of, protocol, task, tuple(alike), folder)
+        for (method, of, protocol, task, *_), (folder, alike) in found.items()
+    ]
+
+
+def intervals(one: Pooled) -> dict[str, list[float | None]]:
     """Bound accuracy and error of runs that differ in the seed at every reading, over scans and trials."""
-    one = Pooled("", None, "", "", tuple(runs))
     curves: dict[str, list[float | None]] = {}
     for name, curve in (("accuracy", _right), ("error", _error)):
-        found = [curve(one, k) for k in range(runs[0].readings)]
+        found = [curve(one, k) for k in range(one.readings)]
         unit = "_mm" if name == "error" else ""
         curves[f"{name}_low{unit}"] = [figure.low for figure in found]
         curves[f"{name}_high{unit}"] = [figure.high for figure in found]
@@ -208,9 +314,9 @@ def figure_of(one: Pooled, figure: str) -> Figure:
     if name == "recovered_within_3" and not at:
         return _recovered(one)
     if name == "ms" and not at:
-        return Figure(1e3 * recognition_seconds(one.trials, one.runs[0].readings), None, None)
+        return Figure(1e3 * recognition_seconds(one.trials, one.readings), None, None)
     if name in CURVES and at.isdigit():
-        reading, readings = int(at), one.runs[0].readings
+        reading, readings = int(at), one.readings
         if not 1 <= reading <= readings:
             raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
         return CURVES[name](one, reading - 1)

@@ -17,7 +17,7 @@ from PIL import Image
 import tactsim
 from tactsim import models
 from tactsim.bench.report.recognition import Recognition, replay_all
-from tactsim.bench.runs.naming import collect
+from tactsim.bench.runs.pooled import collect
 from tactsim.core import transform
 from tactsim.core.poses import FloatArray
 

@@ -27,8 +27,8 @@ from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look, readings_figure
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_pages, write_report
-from tactsim.bench.runs.naming import budget, collect, method_name, task_name
-from tactsim.bench.runs.pooled import figure_of, pool
+from tactsim.bench.runs.naming import budget, method_name, task_name
+from tactsim.bench.runs.pooled import collect, figure_of, pool
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.terminal import headline
 from tactsim.bench.trials import OneTrial, Trials

@@ -24,7 +24,7 @@ from tactsim.bench.placement import properties
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
-from tactsim.bench.runs.naming import collect
+from tactsim.bench.runs.pooled import collect
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading
