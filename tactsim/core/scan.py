@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.npz import MissingArrayError, read_npz, write_npz
-from tactsim.core.poses import POSE, FloatArray, spread_out
+from tactsim.core.poses import POSE, FloatArray, compose, invert, spread_out
 from tactsim.core.provenance import check_statements, spdx_name, statements
 
 if TYPE_CHECKING:
@@ -36,6 +36,19 @@ _UNSAID: dict[str, Callable[[int], NDArray[Any]]] = {
 }
 _OF_PRESSES = tuple(_UNSAID)
 _LONGEST_NAME = 100  # characters of a label
+
+
+class Batch(NamedTuple):
+    """Trials as a method meets them, and what it is to find out.
+
+    readings: (trials, readings, taxels), in the scan's unit. sensor_in_robot: (trials, readings, 3) mm, mm, rad.
+    letter: (trials,) the index in the scan's `letters`. robot_in_object: (trials, 3) mm, mm, rad.
+    """
+
+    readings: FloatArray
+    sensor_in_robot: FloatArray
+    letter: NDArray[np.int64]
+    robot_in_object: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -314,6 +327,29 @@ class Scan:
         others = _joined_sequences(self, other) | _joined_entries(self, other)
         return Scan(readings, poses, labels, split, self.taxel_xy, meta, **others)
 
+    def batches(
+        self, trials: int, readings: int, rng: np.random.Generator, split: str = "train"
+    ) -> Iterator[Batch]:
+        """Draw trials as a run does, many at once and without end, for a method that learns from them.
+
+        trials, readings: of a batch, and of each of its trials. Each trial hides one of the scan's objects, all alike,
+        at x and y uniform in +-10 mm (in proportion to the pad) and at any angle (paper, section IV), and takes
+        readings of it without replacement.
+
+        Raises InputError for a scan in space, a number below 1, and an object with fewer readings.
+        """
+        if self.in_space:
+            raise InputError("scan: batches are of objects in the plane")
+        half = self.where(split)
+        letter = np.array([self.letters.index(label) for label in half.labels.tolist()], dtype=np.int64)
+        fewest = int(np.bincount(letter)[np.unique(letter)].min(initial=len(half)))
+        if trials < 1 or not 1 <= readings <= fewest:
+            raise InputError(
+                f"scan: batches of {short(trials)} trials with {short(readings)} readings each; give at least 1 of "
+                f"both, and at most {fewest} readings, which an object has to {split}"
+            )
+        return _drawn(half, letter, trials, readings, rng)
+
     def licensed(self, licence: str) -> Scan:
         """State the licence of the readings, by its SPDX name.
 
@@ -372,6 +408,24 @@ class Scan:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+
+
+def _drawn(
+    scan: Scan, letter: NDArray[np.int64], trials: int, readings: int, rng: np.random.Generator
+) -> Iterator[Batch]:
+    """Draw the batches of `Scan.batches` from all readings of a scan. letter: (n,) the number of each one's object."""
+    from tactsim.core.pad import offsets  # brings pydantic, which a scan does without
+
+    reach = np.array([offsets(scan.taxel_xy)] * 2 + [np.pi])
+    while True:
+        hidden = rng.choice(np.unique(letter), size=trials)
+        keys = np.where(letter == hidden[:, None], rng.random((trials, len(scan))), np.inf)
+        rows = np.argsort(keys, axis=1)[
+            :, :readings
+        ]  # an order of the object's readings, drawn for each trial
+        robot_in_object = rng.uniform(-reach, reach, (trials, 3))
+        sensor_in_robot = compose(invert(robot_in_object)[:, None], scan.poses[rows])
+        yield Batch(scan.readings[rows], sensor_in_robot, hidden, robot_in_object)
 
 
 def train_on(train: Scan, test: Scan) -> Scan:

@@ -3,11 +3,15 @@ import pickle
 import tracemalloc
 import zipfile
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Pad, Scan, compose
+from tactsim.core.pad import offsets
+from tactsim.core.poses import wrap_angle
 
 
 @pytest.fixture
@@ -482,3 +486,37 @@ def test_fewer_training_presses_are_whole_presses_and_among_those_of_a_larger_co
     )
     with pytest.raises(InputError, match="A has 5 training presses; 6 are asked for"):
         scan.with_train_presses(6, np.random.default_rng(7))
+
+
+def test_a_batch_holds_trials_as_a_run_draws_them():
+    rng = np.random.default_rng(5)
+    labels = np.array(["B", "A", "B", "C"] * 9)
+    split = np.where(np.arange(36) % 3 == 0, "test", "train")
+    poses = rng.uniform(-12, 12, (36, 3))
+    scan = Scan(np.arange(36.0)[:, None] * np.ones(4), poses, labels, split, Pad(rows=2, columns=2).taxel_xy)
+    (batch,) = islice(scan.batches(500, 3, np.random.default_rng(1)), 1)
+    assert batch.readings.shape == (500, 3, 4)
+    rows = batch.readings[..., 0].astype(int)
+    assert (split[rows] == "train").all()
+    assert (labels[rows] == np.array(scan.letters)[batch.letter][:, None]).all()
+    assert all(len(set(trial)) == 3 for trial in rows.tolist()), "without replacement"
+    back = compose(batch.robot_in_object[:, None], batch.sensor_in_robot)
+    np.testing.assert_allclose(back[..., :2], poses[rows][..., :2], atol=1e-9)
+    np.testing.assert_allclose(wrap_angle(back[..., 2] - poses[rows][..., 2]), 0, atol=1e-9)
+    reach = [offsets(scan.taxel_xy)] * 2 + [np.pi]
+    for axis, most in enumerate(reach):
+        uniform = stats.uniform(-most, 2 * most)
+        assert stats.kstest(batch.robot_in_object[:, axis], uniform.cdf).pvalue > 1e-3
+    assert stats.chisquare(np.bincount(batch.letter)).pvalue > 1e-3
+    taken = np.bincount(rows.ravel(), minlength=36)[(split == "train") & (labels == "A")]
+    assert stats.chisquare(taken).pvalue > 1e-3, "every reading of an object is as likely"
+    (again,) = islice(scan.batches(500, 3, np.random.default_rng(1)), 1)
+    assert (again.readings == batch.readings).all()
+
+
+@pytest.mark.parametrize(
+    ("trials", "readings", "says"), [(0, 1, "at least 1"), (2, 0, "at least 1"), (2, 4, "at most 1 readings")]
+)
+def test_a_batch_that_cannot_be_drawn_is_refused_at_once(scan, trials, readings, says):
+    with pytest.raises(InputError, match=says):
+        scan.batches(trials, readings, np.random.default_rng(0))

@@ -1,0 +1,116 @@
+"""An estimator in JAX that learns from trials: a deep set (Zaheer et al. 2017) over readings and where they were taken.
+
+    pip install tactsim jax optax
+    python deep_set.py
+
+Each reading with its pose passes one network, their mean another, which names the letter. Trained on `Scan.batches`.
+"""
+
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from pydantic import Field
+
+import tactsim
+from tactsim.estimators import Estimate, Estimator, Options, check_order, check_reading
+
+
+class DeepSetOptions(Options):
+    """What the network takes; each option may be given as --set NAME=VALUE."""
+
+    hidden: int = Field(128, ge=1, le=4096, description="units of a layer")
+    steps: int = Field(1500, ge=1, description="batches of 128 trials to learn from")
+    readings: int = Field(10, ge=1, le=48, description="readings of a trial in training")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="of the first weights and of the trials")
+
+
+def layers(weights, x):
+    """Pass x (..., features) through linear layers with rectifiers between them."""
+    for number, (matrix, offset) in enumerate(weights):
+        x = (jax.nn.relu(x) if number else x) @ matrix + offset
+    return x
+
+
+def features(readings, sensor_in_robot, scale):
+    """Give what is seen of readings (..., taxels) at poses (..., 3)."""
+    xy, angle = sensor_in_robot[..., :2] / 10, sensor_in_robot[..., 2:]
+    return np.concatenate([readings / scale, xy, np.cos(angle), np.sin(angle)], axis=-1, dtype=np.float32)
+
+
+def loss(weights, seen, letter):
+    """Mean surprise at the true letter after each number of readings; seen: (trials, readings, features)."""
+    count = jnp.arange(1, seen.shape[1] + 1)[:, None]
+    mean = jnp.cumsum(layers(weights[0], seen), axis=1) / count
+    return optax.softmax_cross_entropy_with_integer_labels(layers(weights[1], mean), letter[:, None]).mean()
+
+
+class DeepSet(Estimator):
+    """Name the letter by a network of the mean of what it makes of each reading; says nothing of the place."""
+
+    options_type = DeepSetOptions
+    draws = False
+    weights, code = None, None
+
+    def fit(self, scan):
+        """Train on trials drawn from the training readings."""
+        train = scan.where("train")
+        check_order(len(train) > 0, "a train reading", "fit")
+        options, self.letters, self.scale = self.options, train.letters, max(train.readings.std(), 1e-9)
+        self.taxels, wide, self.code = train.readings.shape[1], options.hidden, None
+        rng = np.random.default_rng(options.seed)
+        sizes = (self.taxels + 4, wide, wide, wide), (wide, wide, len(self.letters))
+        self.weights = [
+            [
+                (np.float32(rng.normal(0, np.sqrt(2 / m), (m, n))), np.zeros(n, np.float32))
+                for m, n in pairwise(size)
+            ]
+            for size in sizes
+        ]
+        adam = optax.adam(optax.cosine_decay_schedule(3e-3, options.steps))
+        state = adam.init(self.weights)
+
+        @jax.jit
+        def step(weights, state, seen, letter):
+            change, state = adam.update(jax.grad(loss)(weights, seen, letter), state)
+            return optax.apply_updates(weights, change), state
+
+        fewest = min(int((train.labels == letter).sum()) for letter in self.letters)
+        batches = train.batches(128, min(options.readings, fewest), rng)
+        for _, batch in zip(range(options.steps), batches, strict=False):
+            seen = features(batch.readings, batch.sensor_in_robot, self.scale)
+            self.weights, state = step(self.weights, state, seen, batch.letter)
+        self.weights = jax.tree.map(
+            np.asarray, self.weights
+        )  # NumPy's arrays can be sent to worker processes
+
+    def reset(self, rng):
+        """Forget the sequence."""
+        check_order(self.weights is not None, "fit", "reset")
+        self.code, self.count = np.zeros(self.options.hidden), 0
+
+    def update(self, reading, sensor_in_robot):
+        """Add what the network makes of a reading at its pose."""
+        check_order(self.code is not None, "reset" if self.weights else "fit", "update")
+        seen = features(*check_reading(reading, sensor_in_robot, self.taxels), self.scale)
+        self.code, self.count = self.code + np.asarray(layers(self.weights[0], seen)), self.count + 1
+
+    def estimate(self):
+        """Name the letter."""
+        check_order(self.code is not None, "reset" if self.weights else "fit", "estimate")
+        logits = (
+            layers(self.weights[1], self.code / max(self.count, 1))
+            if self.count
+            else np.zeros(len(self.letters))
+        )
+        p = np.exp(np.asarray(logits, dtype=float) - np.max(logits))
+        return Estimate(
+            self.letters[int(p.argmax())], dict(zip(self.letters, p / p.sum(), strict=True)), np.zeros(3)
+        )
+
+
+if __name__ == "__main__":
+    run = tactsim.run(estimator=DeepSet(DeepSetOptions()), letters="AEIOU", trials=10, readings=20)
+    print("right after 1, 5, 20 readings:", *run.accuracy[[0, 4, 19]])
