@@ -92,7 +92,8 @@ def command(
     config = any_config(**words)
     if "task" in words and config.task is None:
         plain_console(stderr=True).print(
-            f"a shorter look at task {words['task']}: fewer trials or readings than it has, so no result on it"
+            f"a look at task {words['task']} and no result on it: fewer trials or readings than it has, or a "
+            "seed for development"
         )
     with results_folder(out, config.estimator) as folder:
         if port is not None:

@@ -113,6 +113,7 @@ def _print_whole(one: Task, best: Best | None) -> None:
         ("letters", " ".join(one.letters) or "those of the file"),
         *([("held out", " ".join(held_out))] if held_out else []),
         ("seeds", " ".join(map(str, one.seeds))),
+        *([("to develop on", " ".join(map(str, one.development)))] if one.development else []),
         ("options", "\n".join(dotted(one.words))),
         ("scored by", ", ".join(one.scored)),
         ("best", _best(best)),

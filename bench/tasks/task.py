@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tactsim.bench.config import RECORDING, RunConfig, merged, nested, run_config, whole_number
 from tactsim.bench.score import CURVES, HEADLINES
@@ -45,6 +45,11 @@ class Task(BaseModel):
     seeds: tuple[Annotated[int, Field(ge=0, lt=2**63)], ...] = Field(
         min_length=_LEAST_SEEDS, description="one run a seed"
     )
+    development: tuple[Annotated[int, Field(ge=0, lt=2**63)], ...] = Field(
+        (),
+        exclude_if=lambda seeds: not seeds,
+        description="other seeds, to develop a method and choose its options on; a run of one is no result",
+    )
     trials: int = Field(ge=1, le=1_000_000, description="trials for each letter and seed")
     readings: int = Field(ge=1, description="readings a trial")
     scored: tuple[str, ...] = Field(
@@ -61,6 +66,12 @@ class Task(BaseModel):
         if len(set(seeds)) < len(seeds):
             raise ValueError("a seed is named twice")
         return seeds
+
+    @model_validator(mode="after")
+    def _development_is_apart(self) -> Task:
+        if both := sorted(set(self.seeds) & set(self.development)):
+            raise ValueError(f"seed {both[0]} is among seeds and development; results are of other data")
+        return self
 
     @property
     def data(self) -> str | None:
@@ -104,9 +115,9 @@ class Task(BaseModel):
     def completed(self, words: Mapping[str, Any]) -> dict[str, Any]:
         """Complete the options of one run by those of this task; `words` may leave out all that the task says.
 
-        The first seed is the default. Fewer trials or readings than the task's make a shorter look, which is not one
-        of the task's runs: its `task` is None. Where touches may be chosen they may also be taken blindly, as they
-        are by an estimator that proposes none.
+        The first seed is the default. Fewer trials or readings than the task's, and a seed for development, make a
+        look at it, which is not one of the task's runs: its `task` is None. Where touches may be chosen they may also
+        be taken blindly, as they are by an estimator that proposes none.
 
         Raises InputError for an option that contradicts the task.
         """
@@ -118,10 +129,17 @@ class Task(BaseModel):
                     f"{name}: task {self.name} has readings of its own; leave out {name} or the task"
                 )
         said = checked(RunConfig, merged({**self._words, "seed": self.seeds[0]}, asked), "run")
-        if said.seed not in self.seeds:
+        if said.seed not in (*self.seeds, *self.development):
             seeds = ", ".join(map(str, self.seeds))
-            raise InputError(f"seed {said.seed}: task {self.name} has the seeds {seeds}; name one of them")
-        chosen: dict[str, Any] = {"seed": said.seed, "task": words["task"]}
+            other = ", ".join(map(str, self.development))
+            raise InputError(
+                f"seed {said.seed}: task {self.name} has the seeds {seeds}{' and, for development, ' * bool(other)}"
+                f"{other}; name one of them"
+            )
+        chosen: dict[str, Any] = {
+            "seed": said.seed,
+            "task": words["task"] if said.seed in self.seeds else None,
+        }
         chosen |= {name: value for name, value in asked.items() if name in OF_THE_METHOD}
         wanted = self._config(chosen)
         for name in asked:

@@ -196,6 +196,19 @@ def test_fewer_trials_or_readings_are_a_look_at_a_task_and_no_run_of_it():
         assert look.scan_options == run_config(task="tilted-v1").scan_options
 
 
+def test_a_seed_for_development_is_a_look_at_a_task_and_no_run_of_it(own):
+    path = own("trials = 2", "development = [7, 8]\ntrials = 2")
+    assert [config.seed for config in task(path).configs("nearest")] == [3, 1, 4, 5, 9]
+    look = run_config(task=path, seed=7)
+    assert (look.seed, look.task, look.trials) == (7, None, 2)
+    with pytest.raises(
+        InputError, match=r"seed 0: task .* has the seeds 3, 1, 4, 5, 9 and, for development, 7, 8"
+    ):
+        run_config(task=path, seed=0)
+    with pytest.raises(InputError, match="seed 4 is among seeds and development"):
+        task(own("trials = 2", "development = [7, 4]\ntrials = 2"))
+
+
 def test_touches_that_may_be_chosen_may_be_taken_blindly():
     one = task("active-v1")
     assert {config.explore for config in one.configs("refined")} == {"information"}

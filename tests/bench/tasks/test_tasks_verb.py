@@ -103,7 +103,7 @@ def test_a_shorter_look_says_that_it_is_no_result(here, own, tmp_path):
         "run", "--task", own.name, "--estimator", "nearest", "--readings", "2", "--out", "run", "--json"
     )
     assert ran.returncode == 0, ran.stderr
-    assert "a shorter look at task two-v1.toml" in ran.stderr
+    assert "a look at task two-v1.toml" in ran.stderr
     assert json.loads(ran.stdout)["task"] is None
     assert results.load(tmp_path / "run").task is None
 
