@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -16,7 +17,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.files import opened
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
@@ -203,12 +204,8 @@ def _about(session: SessionRecord) -> dict[str, Any]:
     }
 
 
-class Interval(BaseModel):
-    """One line of a marks file: what was pressed where, from `first_s` to `last_s` of a recording.
-
-    x_mm, y_mm, theta_rad: sensor_in_object. Times count from the recording's first reading, on the
-    device's clock where it has one, else on the host's.
-    """
+class PlacedPress(BaseModel):
+    """One line of a table of presses: what is pressed where, sensor_in_object; the angle may be `theta_deg`."""
 
     model_config = STRICT
 
@@ -216,7 +213,34 @@ class Interval(BaseModel):
     split: Literal["train", "test"] = "train"
     x_mm: float
     y_mm: float
-    theta_rad: float
+    theta_rad: float = Field(description="or theta_deg")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_rad(cls, words: dict[str, Any]) -> dict[str, Any]:
+        if "theta_deg" not in words:
+            return words
+        if "theta_rad" in words:
+            raise ValueError("theta_rad and theta_deg both say the angle; leave one out")
+        degrees = words["theta_deg"]
+        try:
+            angle = math.radians(float(degrees))
+        except ValueError:
+            raise ValueError(f"theta_deg: give a number, got {short(degrees)}") from None
+        return {name: word for name, word in words.items() if name != "theta_deg"} | {"theta_rad": angle}
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Give sensor_in_object [mm, mm, rad]."""
+        return self.x_mm, self.y_mm, self.theta_rad
+
+
+class Interval(PlacedPress):
+    """One line of a marks file: what was pressed where, from `first_s` to `last_s` of a recording.
+
+    Times count from the recording's first reading, on the device's clock where it has one, else on the host's.
+    """
+
     first_s: float = Field(ge=0)
     last_s: float
 
@@ -228,7 +252,7 @@ class Interval(BaseModel):
 
 
 def read_intervals(path: str | Path) -> list[Interval]:
-    """Read a marks file: CSV with the columns label, split, x_mm, y_mm, theta_rad, first_s, last_s.
+    """Read a marks file: CSV with the columns label, split, x_mm, y_mm, theta_rad (or theta_deg), first_s, last_s.
 
     Raises InputError with the line that is wrong.
     """
@@ -249,9 +273,9 @@ def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]
     semicolons = ";" in "".join(lines[:1])
     try:
         rows = csv.DictReader(lines, delimiter=";" if semicolons else ",")
-        for number, row in enumerate(rows, start=2):
+        for row in rows:
             words = _words(row)
-            yield f"{path}, line {number}", _with_points(words) if semicolons else words
+            yield f"{path}, line {rows.line_num}", _with_points(words) if semicolons else words
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
 
@@ -317,7 +341,7 @@ def scan_of_intervals(
         "versions": {"tactsim": version("tactsim")},
         **({} if source.unit == "kPa" else {"unit": source.unit}),
     }
-    presses = [(each.label, each.split, (each.x_mm, each.y_mm, each.theta_rad)) for each in intervals]
+    presses = [(each.label, each.split, each.pose) for each in intervals]
     gathered.add(sums / counts[:, None], presses, follower)
     return gathered.scan(meta)
 

@@ -38,8 +38,8 @@ def command(
     plan: Annotated[
         Path | None,
         typer.Option(
-            help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad. Recorded to "
-            "--out, without waiting."
+            help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad "
+            "(or theta_deg). Recorded to --out, without waiting."
         ),
     ] = None,
     out: Annotated[

@@ -1,4 +1,4 @@
-"""`bench import`: make a scan of what was exported, or of arrays of other people."""
+"""`bench import`: make a scan of what was exported, or of arrays and tables of other people."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def command(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE|FOLDER", help="A folder of Parquet, or a .mcap, .h5, .npz or .mat file."
+            metavar="FILE|FOLDER", help="A folder of Parquet, or a .mcap, .h5, .npz, .mat or .csv file."
         ),
     ],
     out: Annotated[Path, typer.Option(help="The scan to write, .npz.")],
@@ -24,12 +24,13 @@ def command(
         str | None,
         typer.Option(
             metavar="FILE|NAME",
-            help="Of arrays: the pad, a file of its measures or of a device (.toml), or a built-in name; `bench "
-            "devices` names them.",
+            help="Of .npz, .mat and .csv files: the pad, a file of its measures or of a device (.toml), or a built-in "
+            "name; `bench devices` names them.",
         ),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Of arrays: what the readings are in: kPa, N, V or count.")
+        str | None,
+        typer.Option(help="Of .npz, .mat and .csv files: what the readings are in: kPa, N, V or count."),
     ] = None,
     readings: Annotated[
         str, typer.Option(help="Of arrays: what the readings are called in the file.")
@@ -46,17 +47,20 @@ def command(
     zero: shared.Zero = "auto",
     idle: shared.IdleFile = None,
 ) -> None:
-    """Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file."""
+    """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of a table of presses (.csv)."""
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
+    from tactsim.bench.formats.csv_file import read_press_table
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Scan
     from tactsim.core.idle import settled
     from tactsim.hardware.device import load_device
 
     check_new_file(out, source, None if pad is None else Path(pad), suffix=".npz")
-    if source.suffix.lower() in SUFFIXES:
+    names = ("readings", "poses", "labels", "split")
+    table = source.suffix.lower() == ".csv"
+    if table or source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:
                 Scan.load(source)
@@ -64,28 +68,37 @@ def command(
                 if not source.exists():
                     raise InputError(f"cannot read {source}: there is no such file") from None
                 raise InputError(
-                    f"{source}: arrays do not say their pad and unit; give --pad and --unit"
+                    f"{source} does not say the pad and the unit of its readings; give --pad and --unit"
                 ) from None
             raise InputError(
                 f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
             )
-        called = {"readings": readings, "poses": poses, "labels": labels} | (
-            {"split": split} if split else {}
-        )
-        scan, told = settled(
-            read_arrays(source, called, load_device(pad).pad, unit), zero, shared.idle_frames(idle)
-        )
+        measures = load_device(pad).pad
+        if table:
+            refuse_typed(
+                context,
+                names,
+                "is of .npz and .mat files; a .csv file has columns of fixed names",
+            )
+            scan = read_press_table(source, measures, unit)
+        else:
+            called = {"readings": readings, "poses": poses, "labels": labels} | (
+                {"split": split} if split else {}
+            )
+            scan = read_arrays(source, called, measures, unit)
+        scan, told = settled(scan, zero, shared.idle_frames(idle))
     else:
         formats.guess(source)  # a file of no format is refused for that
         if pad is not None or unit is not None:
             formats.read(source)  # and one that `bench export` did not write for that
             raise InputError(
-                f"{source} says its pad and unit itself; --pad and --unit are of .npz and .mat files"
+                f"{source} says its pad and unit itself; --pad and --unit are of .npz, .mat and .csv files"
             )
-        names = ("readings", "poses", "labels", "split")
         refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
         refuse_typed(
-            context, ("zero", "idle"), f"is of .npz and .mat files; {source} is a scan as it was exported"
+            context,
+            ("zero", "idle"),
+            f"is of .npz, .mat and .csv files; {source} is a scan as it was exported",
         )
         scan, told = formats.read(source), ""
     if licence is not None:

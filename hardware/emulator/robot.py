@@ -7,44 +7,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, Field
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
 from tactsim.core.errors import InputError
 from tactsim.core.files import replacing
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import STRICT
 from tactsim.hardware.emulator.emulated import Emulated, Pressures
 from tactsim.hardware.emulator.faults import Faults
-from tactsim.hardware.scans import Interval, csv_rows
+from tactsim.hardware.scans import Interval, PlacedPress, csv_rows
 
 
-class Planned(BaseModel):
-    """One line of a plan: what is pressed where, sensor_in_object."""
+def read_plan(path: str | Path) -> list[PlacedPress]:
+    """Read a plan: CSV with the columns label, split, x_mm, y_mm, theta_rad or theta_deg.
 
-    model_config = STRICT
-
-    label: str = Field(min_length=1, max_length=100)
-    split: Literal["train", "test"] = "train"
-    x_mm: float
-    y_mm: float
-    theta_rad: float
-
-    @property
-    def pose(self) -> tuple[float, float, float]:
-        """Give sensor_in_object [mm, mm, rad]."""
-        return self.x_mm, self.y_mm, self.theta_rad
-
-
-def read_plan(path: str | Path) -> list[Planned]:
-    """Read a plan: CSV with the columns label, split, x_mm, y_mm, theta_rad. Raises InputError with the wrong line."""
-    rows = [checked(Planned, row, place) for place, row in csv_rows(read_text(path, "plan"), path)]
+    Raises InputError with the wrong line.
+    """
+    rows = [checked(PlacedPress, row, place) for place, row in csv_rows(read_text(path, "plan"), path)]
     if not rows:
-        raise InputError(f"{path} has no presses; its columns are {', '.join(Planned.model_fields)}")
+        raise InputError(f"{path} has no presses; its columns are {', '.join(PlacedPress.model_fields)}")
     return rows
 
 
@@ -68,7 +51,7 @@ class Timing:
         """Give the time from one press to the next."""
         return self.lift + 2 * self.ramp + self.hold
 
-    def intervals(self, plan: Sequence[Planned]) -> list[Interval]:
+    def intervals(self, plan: Sequence[PlacedPress]) -> list[Interval]:
         """Say when each press of the plan holds its full load."""
         begins = self.period * np.arange(len(plan)) + self.lift + self.ramp
         return [

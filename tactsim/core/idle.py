@@ -147,7 +147,8 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         if not idle.known.any():
             return (
                 scan,
-                "what taxels read at rest cannot be told from these readings; say it by --zero or --idle",
+                "what taxels read at rest cannot be told from these readings, so they were not zeroed; --zero N sets "
+                "it, --idle FILE takes it from readings of the untouched pad",
             )
         if not idle.off_zero:
             return scan, "readings rest near 0 and rise under load; they are taken as they are"

@@ -107,7 +107,7 @@ class Scan:
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
         "moments", "views",
     )  # fmt: skip
-    _MADE_BY: ClassVar[str] = "bench scan --out FILE"
+    _MADE_BY: ClassVar[str] = "`bench scan --out FILE`, or of readings of your own with `bench import`"
 
     def __post_init__(self) -> None:
         self._check_arrays()
@@ -403,7 +403,7 @@ class Scan:
                 raise InputError(
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None
-            raise InputError(f"scan {path}: {error}; make one with `{cls._MADE_BY}`") from error
+            raise InputError(f"scan {path}: {error}; make one with {cls._MADE_BY}") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:

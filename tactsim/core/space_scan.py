@@ -49,7 +49,7 @@ class SpaceScan(Scan):
     )  # fmt: skip
     _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE
     _A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch", "sequence")
-    _MADE_BY: ClassVar[str] = "bench scan --task solids --out FILE"
+    _MADE_BY: ClassVar[str] = "`bench scan --task solids --out FILE`"
 
     def _check_arrays(self) -> None:
         for name in ("readings", "taxel_points", "taxel_normals"):

@@ -74,6 +74,12 @@ def test_marks_that_a_spreadsheet_saved_again_are_the_same(tmp_path, mark):
     assert first.label == "A;1,5"
 
 
+def test_marks_may_say_angles_in_degrees(tmp_path):
+    (tmp_path / "marks.csv").write_text("label,x_mm,y_mm,theta_deg,first_s,last_s\nA,1,2,180,0,1\n")
+    (mark,) = read_intervals(tmp_path / "marks.csv")
+    assert mark.pose == (1.0, 2.0, np.pi)
+
+
 def test_an_interval_without_readings_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text(
         "Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n0,1,2,3,4,5,6\n400,1,2,3,4,5,6\n"

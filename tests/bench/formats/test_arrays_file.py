@@ -86,11 +86,11 @@ def test_bytes_are_names(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"), [("one.npy", "numpy.savez"), ("text.csv", "no format has such files")]
+    ("name", "says"), [("one.npy", "numpy.savez"), ("text.txt", "a press a row in a .csv file")]
 )
 def test_files_of_no_format_are_refused_for_that(name, says, tmp_path, here):
     np.save(tmp_path / "one.npy", READINGS)
-    (tmp_path / "text.csv").write_text("a,b\n1,2\n")
+    (tmp_path / "text.txt").write_text("a,b\n1,2\n")
     refused(here("import", name, *WORDS), says)
 
 

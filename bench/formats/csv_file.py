@@ -1,0 +1,90 @@
+"""A table of somebody else's presses, one a row, as a scan: CSV, as a spreadsheet or a lab's script writes it."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from tactsim.bench.trials import check_labels
+from tactsim.core import InputError, Pad, Scan
+from tactsim.core.checking import checked
+from tactsim.core.documents import LARGE, read_text
+from tactsim.core.errors import short
+from tactsim.core.finite import LARGEST
+from tactsim.hardware.scans import PlacedPress, csv_rows
+
+_TAXEL = re.compile(r"t\d+")
+
+
+class PressRow(PlacedPress):
+    """The columns of a row that are no taxels. load_N: the force of the press. press: its number, the same in each
+    row that was read of one press.
+    """
+
+    load_N: float | None = Field(None, ge=0)
+    press: int | None = None
+
+
+_NO_TAXELS = {*PressRow.model_fields, "theta_deg", "more columns than the title"}
+
+
+def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
+    """Read a scan from a CSV with a row a press: columns as `PressRow` has them, theta_deg for theta_rad, and taxels.
+
+    The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
+    order. Semicolons, decimal commas, quotes and a byte order mark are read as `csv_rows` does.
+
+    Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
+    """
+    rows, readings = [], []
+    taxels: list[str] = []
+    for where, words in csv_rows(read_text(path, "presses", LARGE), path):
+        row = checked(PressRow, {name: word for name, word in words.items() if name in _NO_TAXELS}, where)
+        rows.append(row)
+        if (row.press is None) != (rows[0].press is None):
+            raise InputError(f"{where}: either all rows have a number in the column press, or none has")
+        if not taxels:
+            taxels = _taxel_columns({name: word for name, word in words.items() if name not in _NO_TAXELS})
+            if len(taxels) != pad.taxels:
+                raise InputError(
+                    f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
+                    f"{pad.taxels}; call them t0 to t{pad.taxels - 1}"
+                )
+        readings.append([_number(words.get(name, "")) for name in taxels])
+        if np.isnan(readings[-1]).any():
+            name = taxels[int(np.isnan(readings[-1]).argmax())]
+            raise InputError(f"{where}: {name}: give a finite number, got {short(words.get(name, ''))}")
+    if not rows:
+        raise InputError(f"{path} holds no presses; columns are {', '.join(PressRow.model_fields)}, t0 ...")
+    check_labels({row.label for row in rows})
+    loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
+    return Scan.from_arrays(
+        np.array(readings),
+        np.array([row.pose for row in rows]),
+        [row.label for row in rows],
+        [row.split for row in rows],
+        pad,
+        unit=unit,
+        loads=None if np.isnan(loads).all() else loads,
+        presses=None if rows[0].press is None else [row.press for row in rows],
+    )
+
+
+def _taxel_columns(words: dict[str, str]) -> list[str]:
+    """Choose the columns of taxels, in the order of the taxels."""
+    if "t0" in words:
+        return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
+    return [name for name, word in words.items() if not math.isnan(_number(word))]
+
+
+def _number(word: str) -> float:
+    """Read a taxel's cell; NaN if it is no finite number."""
+    try:
+        number = float(word)
+    except ValueError:
+        return math.nan
+    return number if abs(number) <= LARGEST else math.nan

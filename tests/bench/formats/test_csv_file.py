@@ -1,0 +1,97 @@
+"""A table of presses, one a row, as a lab's script or a spreadsheet writes it."""
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from tactsim.bench.formats.csv_file import read_press_table
+from tactsim.core import InputError, Pad, Scan
+
+PAD = Pad(rows=2, columns=3, seam=None, unread_columns=0)
+TITLE = "label,split,x_mm,y_mm,theta_rad,load_N,press,t0,t1,t2,t3,t4,t5"
+ROWS = (
+    "A,train,1.5,-2,0.5,10,1,1,2,3,4,5,6.25",
+    "A,train,1.5,-2,0.5,5,1,0,1,1,2,2,3",
+    "B,test,0,0,-3,,2,9,8,7,6,5,4",
+)
+WANTED = Scan.from_arrays(
+    [[1, 2, 3, 4, 5, 6.25], [0, 1, 1, 2, 2, 3], [9, 8, 7, 6, 5, 4]],
+    [[1.5, -2, 0.5], [1.5, -2, 0.5], [0, 0, -3]],
+    ["A", "A", "B"], ["train", "train", "test"], PAD,
+    unit="N", loads=[10, 5, np.nan], presses=[1, 1, 2],
+)  # fmt: skip
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(*lines):
+        (tmp_path / "lab.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return read_press_table(tmp_path / "lab.csv", PAD, "N")
+
+    return read
+
+
+def test_a_table_is_the_scan_of_the_same_arrays(read):
+    assert read(TITLE, *ROWS).digest == WANTED.digest
+
+
+def test_what_a_spreadsheet_saved_again_is_the_same(read):
+    saved = [line.replace(",", ";").replace(".", ",").replace("A;", '"A";') for line in ROWS]
+    assert read("\ufeff" + TITLE.replace(",", ";"), *saved).digest == WANTED.digest
+
+
+def test_columns_stand_in_any_order_and_others_are_left_alone(read):
+    cells = [line.split(",") for line in (TITLE, *ROWS)]
+    turned = [",".join(reversed(line)) for line in cells]
+    notes = [f"{note},{line}" for note, line in zip(("when", "1", "2", "3"), turned, strict=True)]
+    assert read(*notes).digest == WANTED.digest
+
+
+def test_without_t0_all_other_columns_of_numbers_are_the_taxels_in_their_order(read):
+    names = TITLE.replace("t0,t1,t2,t3,t4,t5", "b,a,note,c,d,e,f")
+    rows = [",".join([*(cells := row.split(","))[:9], "by hand", *cells[9:]]) for row in ROWS]
+    assert read(names, *rows).digest == WANTED.digest
+
+
+def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
+    scan = read("label,x_mm,y_mm,theta_deg,t0,t1,t2,t3,t4,t5", "A,1,2,90,1,2,3,4,5,6")
+    assert np.allclose(scan.poses, [[1, 2, np.pi / 2]], atol=1e-15)
+    assert (scan.split.tolist(), scan.loads, scan.presses) == (["train"], None, None)
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ([], "holds no presses; columns are label, "),
+        ([TITLE], "holds no presses"),
+        ([TITLE.replace("theta_rad", "angle"), *ROWS], r"line 2: missing is theta_rad \(or theta_deg\)"),
+        ([TITLE.replace("load_N", "theta_deg"), *ROWS], "line 2: theta_rad and theta_deg both say the angle"),
+        ([TITLE.replace("theta_rad", "theta_deg"), "A,train,0,0,x,,1,1,2,3,4,5,6"], "line 2: theta_deg: give a num"),
+        ([TITLE, *ROWS, "", "B,dev,0,0,-3,,2,9,8,7,6,5,4"], "line 6: split: give 'train' or 'test'"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a finite number, got ''"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,nan"], "line 5: t5: give a finite number, got 'nan'"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,4,3"], "line 5: .*more columns than the title"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,,9,8,7,6,5,4"], "line 5: either all rows have a number in the column press"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,-1,2,9,8,7,6,5,4"], "line 5: load_N: give a number of at least 0"),
+        ([TITLE + ",t6", ROWS[0] + ",1"], "line 2: 7 columns of taxels, t0, t1, t2 ..., and the pad has 6"),
+        ([TITLE, "none" + ROWS[0][1:]], "a letter is called 'none'"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_with_its_line(read, lines, says):
+    with pytest.raises(InputError, match=says):
+        read(*lines)
+
+
+def test_a_table_is_imported_from_the_command_line(tmp_path, here):
+    (tmp_path / "lab.csv").write_text("\n".join([TITLE, *ROWS]) + "\n")
+    (tmp_path / "pad.toml").write_text("rows = 2\ncolumns = 3\nno_seam = true\nunread_columns = 0\n")
+    done = here("import", "lab.csv", "--pad", "pad.toml", "--unit", "N", "--out", "scan.npz")
+    assert done.returncode == 0, done.stderr
+    assert Scan.load(tmp_path / "scan.npz").digest == WANTED.digest
+    assert "were not zeroed; --zero N sets it" in done.stdout
+    refused(here("import", "lab.csv", "--out", "b.npz"), "give --pad and --unit")
+    refused(
+        here("import", "lab.csv", "--pad", "pad.toml", "--unit", "N", "--labels", "a", "--out", "b.npz"),
+        "--labels is of .npz and .mat files; a .csv file has columns of fixed names",
+    )
+    refused(here("run", "--scan", "lab.csv"), "not a whole .npz file", "`bench import`")
