@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from tactsim.core.poses import FloatArray, invert, transform
 
 Covers = Callable[[FloatArray], NDArray[np.bool_]]
 
-# Colours from nothing to the largest pressure, and one for taxels below zero or not read.
-_SCALE = ("#1b1b3a", "#2d2f73", "#27568f", "#1f7f8c", "#2fa36b", "#8ac926", "#ffca3a", "#ff924c", "#ff595e")
+# Colours from nothing to the largest pressure, one brighter than the other (after matplotlib's inferno).
+_STOPS = np.array([(20, 18, 46), (87, 16, 110), (188, 55, 84), (249, 142, 9), (252, 255, 164)], dtype=float)
+_SIGNS = " .:-=+*#%@"  # the same where there is no colour
 _NUMBERED = 4  # characters of a taxel with its number
 
 
@@ -35,9 +36,7 @@ def placement(
     """
     size = np.array([cell, 2 * cell])
     columns, rows = (int(2 * reach / side + 1e-9) for side in size)
-    x = (np.arange(columns) - (columns - 1) / 2) * size[0]
-    y = ((rows - 1) / 2 - np.arange(rows)) * size[1]
-    points = np.stack(np.meshgrid(-x if from_behind else x, y), axis=-1).reshape(-1, 2)
+    points = characters(columns, rows, cell) * (-1 if from_behind else 1, 1)
     half = np.array([pad.column_edges.max(), pad.row_edges.max()])
     on_pad = (np.abs(points) <= half).all(axis=1)
     marks = np.where(on_pad, ".", " ")
@@ -49,12 +48,27 @@ def placement(
         for step, place in enumerate(transform(invert(sensor_in_object), axis)):
             near = int(np.argmin(np.abs((points - place) / size).max(axis=1)))
             marks[near] = "o" if step == 0 else ">" if step == 12 else "-"
-    styles = {"#": "bold yellow", "+": "dim", ".": "blue", "o": "bold", "-": "bold", ">": "bold"}
+    styles = {"#": "bold yellow", "+": "dim", ".": "blue", "o": "bold", "-": "bold", ">": "bold", " ": ""}
+    return in_rows(marks.tolist(), [styles[mark] for mark in marks.tolist()], columns)
+
+
+def characters(columns: int, rows: int, cell: float) -> FloatArray:
+    """Give the middles (rows * columns, 2) mm of characters about (0, 0), the upper row first.
+
+    A character is `cell` mm wide and twice as high.
+    """
+    x = (np.arange(columns) - (columns - 1) / 2) * cell
+    y = ((rows - 1) / 2 - np.arange(rows)) * 2 * cell
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def in_rows(marks: Sequence[str], styles: Sequence[str], columns: int) -> Text:
+    """Put marks, each with its style, into rows of so many."""
     text = Text()
-    for row in marks.reshape(len(y), len(x)):
-        for mark in row:
-            text.append(mark, styles.get(mark))
-        text.append("\n")
+    for number, (mark, style) in enumerate(zip(marks, styles, strict=True), start=1):
+        text.append(str(mark), style)
+        if number % columns == 0:
+            text.append("\n")
     return text
 
 
@@ -82,12 +96,19 @@ def tactile_image(
     taxel_xy: FloatArray,
     from_behind: bool = False,
     room: tuple[int, int] | None = None,
+    *,
+    scale: float | None = None,
+    marks: Mapping[int, str] | None = None,
+    largest: tuple[int, int] = (_NUMBERED, 1),
+    colours: bool = True,
 ) -> Text:
     """Draw pressures (taxels,) kPa where the taxels (taxels, 2) mm lie, the numbers in whole kPa.
 
-    pressures: None where they are not known, as of a pad that is lost. room: characters across and down that there
-    are. Where the numbers do not fit, the colours alone are drawn, two rows of taxels a line; where these do not fit,
-    the largest of neighbouring taxels stands for them.
+    pressures: None where they are not known, as of a pad that is lost; NaN of a taxel that is left out. room:
+    characters across and down that there are. Where the numbers do not fit, the colours alone are drawn, two rows of
+    taxels a line; where these do not fit, the largest of neighbouring taxels stands for them. scale: kPa of the
+    brightest colour; by default the largest. marks: signs of taxels, drawn with their numbers. largest: characters
+    across and down that a taxel takes where there is room. colours: whether there are any; else signs stand for them.
     """
     xs, columns = np.unique(np.round(taxel_xy[:, 0], 3), return_inverse=True)
     ys, rows = np.unique(np.round(taxel_xy[:, 1], 3), return_inverse=True)
@@ -96,41 +117,74 @@ def tactile_image(
     if from_behind:
         taxels = taxels[:, ::-1]
     taxels = taxels[::-1]
-    numbered = room is None or (_NUMBERED * len(xs) <= room[0] and len(ys) <= room[1])
-    if pressures is None:
-        return Text(("   ?" * len(xs) + "\n") * len(ys) if numbered else "?\n", "dim")
-    share = np.clip(pressures / max(float(np.max(pressures, initial=0.0)), 1e-9), 0.0, 1.0)
+    wide, high = largest
+    if room is not None:
+        wide, high = min(room[0] // len(xs), wide), min(room[1] // len(ys), high)
+    numbered = wide >= _NUMBERED and high >= 1
+    if pressures is None and not numbered:
+        return Text("?\n", "dim")
+    known = np.full(len(taxel_xy), np.nan) if pressures is None else pressures
+    values = np.where(taxels < 0, np.nan, known[taxels])
+    shares = values / max(float(np.nanmax(known, initial=0.0)) if scale is None else scale, 1e-9)
     if room is not None and not numbered:
-        return _half_blocks(np.where(taxels < 0, np.nan, share[taxels]), room)
+        return _without_numbers(shares, room, colours)
     text = Text()
-    for row in taxels.tolist():
-        for taxel in row:
-            if taxel < 0:
-                text.append("   -")
-                continue
-            whole = round(float(pressures[taxel])) + 0  # the integer 0 has no sign
-            text.append(
-                f"{whole:4d}", f"{'black' if share[taxel] > 0.5 else 'white'} on {_shade(share[taxel])}"
-            )
-        text.append("\n")
+    for row, taxels_of_row in enumerate(taxels.tolist()):
+        for line in range(1 - high, 1):
+            for column, taxel in enumerate(taxels_of_row):
+                sign = "-" if taxel < 0 else (marks or {}).get(taxel, "")
+                value, share = float(values[row, column]), float(shares[row, column])
+                if np.isnan(value):
+                    text.append(f"{(sign or '?') if line == 0 else '':>{wide}}", "dim")
+                    continue
+                word = f"{sign}{round(value) + 0}" if line == 0 else ""  # the integer 0 has no sign
+                ink = "black" if share > 0.6 else "white"
+                text.append(f"{word:>{wide}}", f"{ink} on {shade(share)}" if colours else "")
+            text.append("\n")
     return text
 
 
-def _shade(share: float) -> str:
-    return "black" if np.isnan(share) else _SCALE[round(float(share) * (len(_SCALE) - 1))]
+def scale_bar(scale: float, width: int, colours: bool = True) -> Text:
+    """Draw what the colours mean: from 0 to `scale` kPa, `width` characters with the numbers."""
+    last = f" {scale:g} kPa"
+    text = Text("0 ")
+    for share in np.linspace(0, 1, max(width - 2 - len(last), 2)).tolist():
+        text.append(" ", f"on {shade(share)}") if colours else text.append(_sign(share))
+    return text.append(last)
 
 
-def _half_blocks(shares: FloatArray, room: tuple[int, int]) -> Text:
-    """Draw a character for two taxels, one above the other; black where there is none (NaN)."""
+def shade(share: float) -> str:
+    """Give the colour of a pressure, as its share of the largest; below 0 and above 1 is cut, NaN is black."""
+    if np.isnan(share):
+        return "black"
+    place = min(max(share, 0.0), 1.0) * (len(_STOPS) - 1)
+    low = min(int(place), len(_STOPS) - 2)
+    colour = np.rint(_STOPS[low] + (place - low) * (_STOPS[low + 1] - _STOPS[low])).astype(int)
+    return f"rgb({','.join(map(str, colour.tolist()))})"
+
+
+def _sign(share: float) -> str:
+    return " " if np.isnan(share) else _SIGNS[round(min(max(share, 0.0), 1.0) * (len(_SIGNS) - 1))]
+
+
+def _without_numbers(shares: FloatArray, room: tuple[int, int], colours: bool) -> Text:
+    """Draw a character for two taxels, one above the other; without colours one for each. NaN: there is none."""
     rows, columns = shares.shape
-    every = max(1, -(-columns // room[0]), -(-rows // (2 * room[1])))  # taxels a side that share a place
-    filled = np.full((-(-rows // (2 * every)) * 2 * every, -(-columns // every) * every), -1.0)
-    filled[:rows, :columns] = np.nan_to_num(shares, nan=-1.0)
+    in_line = 2 if colours else 1  # a half block has two colours
+    every = max(
+        1, -(-columns // room[0]), -(-rows // (in_line * room[1]))
+    )  # taxels a side that share a place
+    filled = np.full((-(-rows // (in_line * every)) * in_line * every, -(-columns // every) * every), -np.inf)
+    filled[:rows, :columns] = np.nan_to_num(shares, nan=-np.inf)
     places = filled.reshape(len(filled) // every, every, -1, every).max(axis=(1, 3))
-    places[places < 0] = np.nan
+    places[np.isinf(places)] = np.nan
     text = Text()
-    for above, below in zip(places[::2], places[1::2], strict=True):
-        for upper, lower in zip(above, below, strict=True):
-            text.append("\u2580", f"{_shade(upper)} on {_shade(lower)}")
+    for lines in places.reshape(-1, in_line, places.shape[1]).tolist():
+        for taxels in zip(*lines, strict=True):
+            if colours:
+                upper, lower = taxels
+                text.append("\u2580", f"{shade(upper)} on {shade(lower)}")
+            else:
+                text.append(_sign(taxels[0]))
         text.append("\n")
     return text

@@ -12,7 +12,6 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.bench.watching.pad_picture import shade
 from tactsim.bench.watching.pad_screen import REDRAW_S, show
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.bench.watching.recogniser import Belief
@@ -22,11 +21,12 @@ from tactsim.bench.watching.watch_screen import pad_lines, state_text
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray, invert, transform
 from tactsim.estimators import NONE
+from tactsim.hardware.terminal_pictures import characters, in_rows, shade
 from tactsim.press.clip import covers
 
 _COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
 _KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
-_CELL = (1.0, 2.0)  # mm of one character: twice as high as wide
+_CELL = 1.0  # mm of one character, which is twice as high as wide
 _SCENE = (40, 16)  # characters
 _BAR = 20
 
@@ -111,17 +111,17 @@ def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -
     A letter whose shape nobody knows is not drawn.
     """
     columns, rows = _SCENE
-    x = (np.arange(columns) - (columns - 1) / 2) * _CELL[0]
-    y = ((rows - 1) / 2 - np.arange(rows)) * _CELL[1]
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = characters(columns, rows, _CELL)
     marks = np.full(len(points), " ", dtype=object)
     styles = np.full(len(points), "", dtype=object)
     places = belief.sensor_in_object
     if belief.estimate is None or places is None:
-        return _said("\n".join([" " * columns] * rows))
+        return Text("\n".join([" " * columns] * rows))
     if belief.estimate.label == NONE:
         words = "none of the known letters"
-        return _said("\n".join([words.center(columns) if row == rows // 2 else "" for row in range(rows)]))
+        return Text(
+            "\n".join([words.center(columns) if row == rows // 2 else "" for row in range(rows)]), "bold"
+        )
     pad = told.pad
     half = np.array([pad.column_edges.max(), pad.row_edges.max()])
     if outline := told.outlines[belief.estimate.label]:
@@ -135,25 +135,16 @@ def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -
         nearest = np.abs(felt[inside, None] - pad.taxel_xy[None]).max(axis=-1).argmin(axis=1)
         most = max(float(np.nanmax(image)), 1e-9)
         for at, value in zip(np.flatnonzero(inside), np.nan_to_num(image[nearest]), strict=True):
-            red, green, blue = shade(float(value) / most)
             ink = "black" if value > 0.6 * most else "white"
-            styles[at] = f"{ink} on rgb({red},{green},{blue})" if colours else "reverse"
+            styles[at] = f"{ink} on {shade(float(value) / most)}" if colours else "reverse"
     if asked is not None:
         wanted = transform(invert(told.in_object(belief, asked)), points)
         depth = (np.abs(wanted) - half).max(axis=1)
-        frame = (depth <= 0) & (depth > -_CELL[0] * 1.2)
+        frame = (depth <= 0) & (depth > -_CELL * 1.2)
         marks[frame], styles[frame & ~inside] = "o", "bold green"
-    text = Text()
-    for row in range(rows):
-        for place in range(row * columns, (row + 1) * columns):
-            text.append(str(marks[place]), str(styles[place]))
-        text.append("\n")
+    text = in_rows(marks.tolist(), styles.tolist(), columns)
     text.rstrip()
     return text
-
-
-def _said(words: str) -> Text:
-    return Text(words, "bold")
 
 
 def _bars(belief: Belief, most: int = 7) -> list[Text]:

@@ -24,6 +24,7 @@ State = Literal["waiting", "live", "lost", "ended"]
 
 BIN_S = 0.1  # s of one value of the history of force
 HISTORY_S = 30.0
+_BINS = round(HISTORY_S / BIN_S)
 _RATE_S = 2.0  # s over which the rate is counted
 _TARE_FRAMES = 100
 _TARE_S = 30.0  # s within which they must come
@@ -65,35 +66,24 @@ class PadView:
 
 
 class History:
-    """The mean force in bins of `BIN_S`, of the last `HISTORY_S`; a bin without a reading is None.
-
-    Bins are numbered from the beginning, so that a viewer asks for those that it does not have yet.
-    """
+    """The mean force in bins of `BIN_S`, of the last `HISTORY_S`."""
 
     def __init__(self) -> None:
-        self._values: deque[float | None] = deque(maxlen=round(HISTORY_S / BIN_S))
-        self._bin = 0  # the one that is being filled
-        self._sum, self._count = 0.0, 0
+        # Of each bin with a reading: its number, the sum of its forces, and how many. The last may still be filled.
+        self._bins: deque[tuple[int, float, int]] = deque(maxlen=_BINS + 1)
 
     def add(self, time_s: float, force_n: float) -> None:
         """Add a force at `time_s`, s since the beginning; times do not fall."""
-        self.pass_to(time_s)
-        self._sum, self._count = self._sum + force_n, self._count + 1
+        number, total, count = int(time_s / BIN_S), 0.0, 0
+        if self._bins and self._bins[-1][0] == number:
+            _, total, count = self._bins.pop()
+        self._bins.append((number, total + force_n, count + 1))
 
-    def pass_to(self, time_s: float) -> None:
-        """Close the bins that end before `time_s`."""
+    def until(self, time_s: float) -> list[float | None]:
+        """Give the bins that have ended by `time_s`, the oldest first; None is one without a reading."""
+        means = {number: total / count for number, total, count in self._bins}
         now = int(time_s / BIN_S)
-        while self._bin < now:
-            self._values.append(self._sum / self._count if self._count else None)
-            self._bin, self._sum, self._count = self._bin + 1, 0.0, 0
-            if now - self._bin > HISTORY_S / BIN_S:  # a long silence: the bins before would fall out at once
-                self._values.clear()
-                self._bin = now - round(HISTORY_S / BIN_S)
-
-    def after(self, number: int) -> tuple[int, list[float | None]]:
-        """Give the closed bins from `number` on that are still kept, and the number of the first of them."""
-        first = max(number, self._bin - len(self._values))
-        return first, list(self._values)[len(self._values) - (self._bin - first) :]
+        return [means.get(number) for number in range(max(0, now - _BINS), now)]
 
 
 class PadReader:
@@ -131,9 +121,7 @@ class PadReader:
         self._stop = Event()
         self._history = History()
         self._times: deque[float] = deque(maxlen=100_000)  # host times of the last seconds
-        self._recent: deque[tuple[float, float]] = deque(
-            maxlen=round(HISTORY_S / BIN_S)
-        )  # (time, largest kPa)
+        self._recent: deque[tuple[float, float]] = deque(maxlen=_BINS)  # (time, largest kPa)
         self._usual = _SILENCE_S  # s from one reading to the next, as long as it speaks
         self._taring: list[Reading] | None = None
         self._tare_until = 0.0
@@ -177,12 +165,11 @@ class PadReader:
             self._changed.wait_for(lambda: self._view.number > after or self._stop.is_set(), timeout)
             return self._aged(self._view)
 
-    def history(self, after: int = 0) -> tuple[int, list[float | None]]:
-        """Give the forces (N) in bins of `BIN_S` from number `after` on, and the first one's number."""
+    def history(self) -> list[float | None]:
+        """Give the forces (N) of the last `HISTORY_S` in bins of `BIN_S`, the oldest first; None: nothing came."""
         with self._changed:
-            if self._view.state != "ended":
-                self._history.pass_to(time.monotonic() - self._begun)
-            return self._history.after(after)
+            ended = self._view.state == "ended"
+            return self._history.until((self._view.host_time if ended else time.monotonic()) - self._begun)
 
     def check(self) -> None:
         """Raise what ended the reading before its time, and NoReading if it was told to end before anything came."""

@@ -10,10 +10,10 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.watching.pad_picture import marked, pad_picture, scale_bar
 from tactsim.bench.watching.pad_screen import REDRAW_S, show
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.core.errors import printable
+from tactsim.hardware.terminal_pictures import scale_bar, tactile_image
 
 _LINE_S = 1.0
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -92,9 +92,9 @@ def pad_lines(
     view: PadView, reader: PadReader, *, width: int, height: int, from_behind: bool, colours: bool
 ) -> list[RenderableType]:
     """Draw the picture of the pad and its scale within `width` x `height` characters."""
-    picture = pad_picture(
-        view.pressures, reader.pad, view.scale, marks=marked(view.left_out, view.stuck), width=width,
-        height=height - 1, from_behind=from_behind, colours=colours,
+    picture = tactile_image(
+        view.pressures, reader.pad.taxel_xy, from_behind, (width, height - 1), scale=view.scale,
+        marks=dict.fromkeys(view.stuck, "=") | dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
     )  # fmt: skip
     picture.rstrip()
     return [picture, scale_bar(view.scale, min(width, 40), colours)]
@@ -128,12 +128,14 @@ def _screen(
     width, height = console.size
     shown = view if frozen is None else frozen
     colours = console.color_system is not None and not console.no_color
-    _, forces = reader.history()
     lines: list[RenderableType] = [
         Text(printable(f"{reader.device.name} at {reader.name}"), "bold", no_wrap=True, overflow="ellipsis"),
         state_text(view, frozen is not None),
         Text(printable(view.trouble), "red", no_wrap=True, overflow="ellipsis"),
-        Text(f"force {rounded(shown.force, 2):>6} N  {sparkline(forces, max(width - 18, 1))}", no_wrap=True),
+        Text(
+            f"force {rounded(shown.force, 2):>6} N  {sparkline(reader.history(), max(width - 18, 1))}",
+            no_wrap=True,
+        ),
         *pad_lines(
             shown, reader, width=width - 1, height=height - 11, from_behind=from_behind, colours=colours
         ),

@@ -86,10 +86,8 @@ class WebPage:
         self._server.server_close()
 
 
-def event_of(reader: PadReader, view: PadView, sent: dict[str, int], digits: int = 1) -> dict[str, Any]:
-    """Describe a view for the page as JSON, with the history since what `sent` says; `sent` is renewed."""
-    first, forces = reader.history(sent.get("history", 0))
-    sent["history"] = first + len(forces)
+def event_of(reader: PadReader, view: PadView) -> dict[str, Any]:
+    """Describe a view, and the force of the last seconds, for the page as JSON."""
     return {
         "number": view.number,
         "state": view.state,
@@ -100,13 +98,13 @@ def event_of(reader: PadReader, view: PadView, sent: dict[str, int], digits: int
         "rate": round(view.rate, 1),
         "force": round(view.force, 3) + 0.0,
         "scale": view.scale,
-        "pressures": None if view.pressures is None else numbers(view.pressures, digits),
+        "pressures": None if view.pressures is None else numbers(view.pressures, 1),
         "counters": view.counters,
         "leftOut": view.left_out,
         "stuck": view.stuck,
         "tared": view.tared,
         "message": view.message,
-        "history": {"first": first, "forces": [None if one is None else round(one, 3) for one in forces]},
+        "history": [None if force is None else round(force, 3) for force in reader.history()],
     }
 
 
@@ -195,7 +193,7 @@ class _Handler(BaseHTTPRequestHandler):
         while True:
             view = self.reader.wait(number, _STILL_S)
             number = view.number
-            event = {"page": self.token} | event_of(self.reader, view, sent) | self.more(sent)
+            event = {"page": self.token} | event_of(self.reader, view) | self.more(sent)
             content = f"data: {json.dumps(event, allow_nan=False, separators=(',', ':'))}\n\n".encode()
             self.wfile.write(content)
             if self.reader.closed:

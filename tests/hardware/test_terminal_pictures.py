@@ -8,7 +8,7 @@ from tactsim.core.pad import Pad
 from tactsim.hardware.terminal_pictures import on_template, placement, tactile_image, where
 
 PAD = Pad(rows=4, columns=6, seam=None, unread_columns=0)
-DARK, BRIGHT = "#1b1b3a", "#ff595e"  # nothing, and the largest pressure
+DARK, BRIGHT = "rgb(20,18,46)", "rgb(252,255,164)"  # nothing, and the largest pressure
 
 
 def colours(text):

@@ -7,9 +7,7 @@ const LATE_S = 1; // a stream that is this far behind is dropped and opened agai
 
 let latest = null, shown = null, frozen = false, mirrored = data.fromBehind, dirty = true;
 let heardAt = 0, stream = null, soonest = Infinity;
-const forces = []; // of the last seconds, in bins; null where nothing came
 const watchers = []; // who else wants the events, and who else draws
-let lastBin = 0;
 
 find("device").textContent = data.device;
 find("port").textContent = data.port;
@@ -32,11 +30,6 @@ function take(event) {
   heardAt = seconds();
   const behind = heardAt - event.sent;
   soonest = Math.min(soonest, behind);
-  if (event.history.first < lastBin) forces.length = 0; // the program began anew
-  if (event.history.first > lastBin) forces.length = 0;
-  forces.push(...event.history.forces);
-  lastBin = event.history.first + event.history.forces.length;
-  forces.splice(0, forces.length - Math.round(data.historySeconds / data.binSeconds));
   latest = event;
   if (!frozen) shown = event;
   dirty = true;
@@ -156,6 +149,7 @@ whenSized(find("history"), (now) => {
 function drawHistory() {
   if (!historyWidth) return;
   const height = 130, left = 40, bottom = height - 20, bins = Math.round(data.historySeconds / data.binSeconds);
+  const forces = latest ? latest.history : []; // in bins; null where nothing came
   const known = forces.filter((value) => value !== null);
   const most = Math.max(0.1, ...known), least = Math.min(0, ...known);
   const x = (i) => left + ((historyWidth - left - 4) * (i + bins - forces.length)) / Math.max(bins - 1, 1);
