@@ -86,7 +86,13 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Replayed]], re
     }
     return render(
         f"{_REPORT}page.html",
-        scripts=[f"{_REPORT}base.js", f"{_REPORT}charts.js", f"{_SPACE}scene.js", f"{_SPACE}space.js"],
+        scripts=[
+            f"{_REPORT}base.js",
+            f"{_REPORT}charts.js",
+            f"{_REPORT}tables.js",
+            f"{_SPACE}scene.js",
+            f"{_SPACE}space.js",
+        ],
         styles=[f"{_REPORT}page.css", f"{_SPACE}space.css"],
         title=f"{REPORT_TITLE}objects in space, {counted(len(runs), 'run')}",
         data=data,

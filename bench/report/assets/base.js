@@ -88,6 +88,19 @@ const rgb = (colour) => `rgb(${colour.join(" ")})`;
 // Black or white, whichever reads better on a colour.
 const ink = ([r, g, b]) => (0.299 * r + 0.587 * g + 0.114 * b > 140 ? "#10151c" : "#ffffff");
 
+// So many colours, the classes m0 to m15 of the style.
+const COLOURS = 16;
+
+// A belief as a bar: its name, the share of the belief, the number of its colour, and whether it is the true one.
+function barRow(name, p, number, isTrue) {
+  const fill = h("span", { class: `fill m${number % COLOURS}` });
+  fill.style.setProperty("width", `${(100 * p).toFixed(2)}%`);
+  return h("div", { class: "bar-row" },
+    h("span", { class: "bar-name" }, name, isTrue && h("span", { class: "tag" }, "true")),
+    h("span", { class: "bar-track" }, fill),
+    h("span", { class: "bar-value" }, p < 0.0005 ? "0" : p > 0.9995 ? "1" : p.toFixed(3)));
+}
+
 // Paint rows x columns values on a canvas, the first row at the bottom.
 function paint(canvas, rows, columns, colourOf) {
   canvas.width = columns;
@@ -113,6 +126,22 @@ function choice(label, options, onChange) {
   const select = h("select", { id }, options.map(([value, text]) => h("option", { value }, text)));
   select.addEventListener("change", () => onChange(select.value));
   return { field: h("div", { class: "field" }, h("label", { for: id }, label), select), select };
+}
+
+// The header of a page: what it is, in light or dark, and facts and remarks on what it shows.
+function pageHeader(words, facts, remarks, bottom) {
+  const theme = choice("Theme", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (value) => {
+    if (value) document.documentElement.dataset.theme = value;
+    else delete document.documentElement.dataset.theme;
+    themeChanged();
+  });
+  document.getElementById("top").append(
+    h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, words)),
+    theme.field,
+    h("p", { class: "facts" }, facts),
+    ...remarks.map((text) => h("p", { class: "facts remark" }, text)),
+  );
+  document.getElementById("bottom").append(...bottom.map((text) => h("p", {}, text)));
 }
 
 // A labelled slider from 1 to `last` that says in words where it stands.

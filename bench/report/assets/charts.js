@@ -1,8 +1,8 @@
 // Plots as inline SVG, drawn in real pixels so that text keeps its size on every screen.
 
 const DASHES = ["", "7 4", "2 4", "9 3 2 3", "1 3"];
-// So many colours and markers: up to their product, no two methods look the same.
-const COLOURS = 16, MARKS = 8;
+// So many markers: up to their product with the colours, no two methods look the same.
+const MARKS = 8;
 
 // A marker's outline about (0, 0) with radius r; the shape tells methods apart without colour.
 function mark(number, r) {
@@ -25,6 +25,12 @@ function mark(number, r) {
     polygon(5, -Math.PI / 2),
   ][(number + Math.floor(number / COLOURS)) % MARKS];
 }
+
+// How a method's curve looks: its line with its marker.
+const lineSwatch = (method, dash) =>
+  s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
+    s("path", { class: `line m${method % COLOURS}`, "stroke-dasharray": dash, d: "M1 7H25" }),
+    s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 3.6), transform: "translate(13 7)" }));
 
 const STAR = `M${Array.from({ length: 10 }, (_, i) => {
   const angle = (Math.PI * i) / 5 - Math.PI / 2, r = i % 2 ? 3.4 : 8;

@@ -2,24 +2,11 @@
 
 function header() {
   const runs = data.protocols.flatMap((protocol) => protocol.tasks.flatMap((task) => task.runs));
-  const theme = choice("Theme", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (value) => {
-    if (value) document.documentElement.dataset.theme = value;
-    else delete document.documentElement.dataset.theme;
-    themeChanged();
-  });
   const count = runs.reduce((sum, run) => sum + run.scans, 0);
   const pooled = count > runs.length ? ", those that differ in the seed alone taken together" : "";
   const facts = [`${count} run${count > 1 ? "s" : ""}${pooled}`, ...data.dates.slice(0, 1), data.machine];
-  document.getElementById("top").append(
-    h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, "Recognising objects by touch: what each method gets right, how exactly, and what it costs")),
-    theme.field,
-    h("p", { class: "facts" }, facts.join(" · ")),
-    ...data.remarks.map((text) => h("p", { class: "facts remark" }, text)),
-  );
-  document.getElementById("bottom").append(
-    h("p", {}, `Made with ${data.versions}.`),
-    h("p", {}, "Every plotted curve stands beside this page as CSV."),
-  );
+  pageHeader("Recognising objects by touch: what each method gets right, how exactly, and what it costs", facts.join(" · "), data.remarks,
+    [`Made with ${data.versions}.`, "Every plotted curve stands beside this page as CSV."]);
 }
 
 const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h3", {}, title), content);
@@ -58,7 +45,7 @@ function readingsSection(task) {
   }, move);
   const values = h("tbody");
   const table = h("table", { class: "values" },
-    h("thead", {}, h("tr", {}, ["run", "right", "error, mm", "error / bound", "error over all trials, mm"].map((text) => h("th", { scope: "col" }, text)))), values);
+    heads(["run", "right", "error, mm", "error / bound", "error over all trials, mm"]), values);
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -66,10 +53,7 @@ function readingsSection(task) {
       else visible.delete(run);
       update(Number(control.input.value));
     });
-    const line = s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
-      s("path", { class: `line m${run.method % COLOURS}`, "stroke-dasharray": run.dash, d: "M1 7H25" }),
-      s("path", { class: `mark m${run.method % COLOURS}`, d: mark(run.method, 3.6), transform: "translate(13 7)" }));
-    return h("label", { class: "toggle" }, input, line, run.label);
+    return h("label", { class: "toggle" }, input, lineSwatch(run.method, run.dash), run.label);
   });
   const set = (runs) => {
     task.runs.forEach((run, i) => {
@@ -115,7 +99,7 @@ const bandWords = (task) => (task.runs.some((run) => run.scans > 1)
 
 // What the paper prints, beside what came out here.
 function paperSection(task) {
-  const heads = ["filter", "bins (Table I)", "the paper: right", "here, as early", "the paper: error, mm", `here, after ${task.readings}`];
+  const titles = ["filter", "bins (Table I)", "the paper: right", "here, as early", "the paper: error, mm", `here, after ${task.readings}`];
   const rows = task.printed.map((one) => {
     const run = task.runs[one.run], k = one.readings - 1, last = task.readings - 1;
     return h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label), h("td", {}, one.bins ?? MISSING),
@@ -124,7 +108,7 @@ function paperSection(task) {
       h("td", {}, one.error ?? MISSING), h("td", {}, fixed(run.error[last], 2), interval(run.errorLow[last], run.errorHigh[last], 2)));
   });
   return section("Beside what the paper prints", scrolling("The paper's figures and those found here",
-    h("table", { class: "values" }, h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
+    h("table", { class: "values" }, heads(titles), h("tbody", {}, rows))),
     h("p", { class: "hint" }, "The paper pressed real letters by hand against a real pad; here both are simulated. It states what it reaches, not with which intervals."));
 }
 
@@ -153,7 +137,7 @@ function certaintySection(task) {
     if (String(k) !== control.input.value) control.set(k);
   });
   const values = h("tbody");
-  const heads = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
+  const titles = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
   function update(reading) {
     left.show(sure.map(held), reading);
     const k = reading - 1;
@@ -168,8 +152,7 @@ function certaintySection(task) {
     h("div", { class: "two" }, left.box, right),
     h("p", { class: "hint" }, `Dashed: as it should be. Left: over the trials whose letter is right. Right: ${marked}`),
     h("div", { class: "controls" }, control.field),
-    scrolling("How sure at the chosen reading", h("table", { class: "values" },
-      h("thead", {}, h("tr", {}, heads.map((text) => h("th", { scope: "col" }, text)))), values)));
+    scrolling("How sure at the chosen reading", h("table", { class: "values" }, heads(titles), values)));
 }
 
 function paretoSection(task, methods) {
@@ -202,7 +185,7 @@ function paretoSection(task, methods) {
   const legend = h("ul", { class: "keys" }, used.map((method) => h("li", {}, swatch(method), methods[method])), h("li", {}, h("span", { class: "ring-key" }), "on the frontier"));
   const yes = (flag) => (flag ? "yes" : "");
   const table = h("table", { class: "values" },
-    h("thead", {}, h("tr", {}, ["run", "ms a recognition", "error, mm", "on its frontier", "95 % settled by", "on its frontier"].map((text) => h("th", { scope: "col" }, text)))),
+    heads(["run", "ms a recognition", "error, mm", "on its frontier", "95 % settled by", "on its frontier"]),
     h("tbody", {}, points.map((point) =>
       h("tr", {}, h("th", { scope: "row" }, swatch(point.of.method), point.of.label), h("td", {}, plain(point.ms)), h("td", {}, fixed(point.error, 2)),
         h("td", {}, yes(point.errorFrontier)), h("td", {}, String(point.settled ?? MISSING)), h("td", {}, yes(point.settledFrontier))))));

@@ -172,17 +172,7 @@ function recognitionView(protocol) {
 
   function drawLetters(k) {
     const p = row(trial.probabilities, k);
-    bars.replaceChildren(
-      ...lettersToShow(trial).map((i, place) => {
-        const fill = h("span", { class: `fill m${place % COLOURS}` });
-        fill.style.setProperty("width", `${(100 * p[i]).toFixed(2)}%`);
-        const isTrue = trial.labels[i] === trial.answer;
-        return h("div", { class: "bar-row" },
-          h("span", { class: "bar-name" }, trial.labels[i], isTrue && h("span", { class: "tag" }, "true")),
-          h("span", { class: "bar-track" }, fill),
-          h("span", { class: "bar-value" }, p[i] < 0.0005 ? "0" : p[i] > 0.9995 ? "1" : p[i].toFixed(3)));
-      }),
-    );
+    bars.replaceChildren(...lettersToShow(trial).map((i, place) => barRow(trial.labels[i], p[i], place, trial.labels[i] === trial.answer)));
   }
 
   // Every reading's belief as a stacked column, and the error below; a click goes to a reading.

@@ -7,6 +7,8 @@ function scrolling(label, table) {
   return h("div", { class: "scroller" }, box, h("p", { class: "more", "aria-hidden": "true" }, "the table goes on to the right: scroll it →"));
 }
 
+const heads = (words) => h("thead", {}, h("tr", {}, words.map((text) => h("th", { scope: "col" }, text))));
+
 const swatch = (method) => {
   const svg = s("svg", { class: "swatch", width: 14, height: 14, viewBox: "-7 -7 14 14", "aria-hidden": "true" });
   svg.append(s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 4.5) }));

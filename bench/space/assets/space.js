@@ -1,26 +1,6 @@
 // The page of runs with objects in space: curves against touches, the objects, and trials touch by touch.
 
 const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h2", {}, title), content);
-const heads = (words) => h("thead", {}, h("tr", {}, words.map((text) => h("th", { scope: "col" }, text))));
-const swatchOf = (method) =>
-  s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
-    s("path", { class: `line m${method % COLOURS}`, d: "M1 7H25" }),
-    s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 3.6), transform: "translate(13 7)" }));
-const scrolling = (label, table) => h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);
-
-function header() {
-  const theme = choice("Theme", [["", "as the system"], ["light", "light"], ["dark", "dark"]], (value) => {
-    if (value) document.documentElement.dataset.theme = value;
-    else delete document.documentElement.dataset.theme;
-    themeChanged();
-  });
-  document.getElementById("top").append(
-    h("div", { class: "title" }, h("h1", {}, "tactsim"), h("p", {}, "Recognising objects in space by touch: which one it is, and how it lies")),
-    theme.field,
-    h("p", { class: "facts" }, data.facts),
-    ...data.remarks.map((text) => h("p", { class: "facts remark" }, text)));
-  document.getElementById("bottom").append(h("p", {}, `Made with ${data.versions}.`));
-}
 
 function curvesSection() {
   const last = Math.max(...data.runs.map((run) => run.accuracy.length));
@@ -41,7 +21,7 @@ function curvesSection() {
     for (const [plot, series] of plots) plot.show(series, touch);
     const k = touch - 1;
     values.replaceChildren(...data.runs.map((run, i) =>
-      h("tr", {}, h("th", { scope: "row" }, swatchOf(i), run.label),
+      h("tr", {}, h("th", { scope: "row" }, lineSwatch(i), run.label),
         h("td", {}, fixed(run.accuracy[k], 3)), h("td", {}, fixed(run.error[k], 2)), h("td", {}, fixed(run.errorMedian[k], 2)),
         h("td", {}, fixed(run.angle[k], 1)), h("td", {}, fixed(run.angleMedian[k], 1)), h("td", {}, fixed(run.coverage[k], 2)),
         h("td", {}, String(run.settled ?? MISSING)), h("td", {}, fixed(run.seconds, 2)))));
@@ -142,14 +122,7 @@ function trialsSection() {
     status.classList.toggle("bad", !right);
     canvas.setAttribute("aria-label", `${status.textContent}. Drag, or use the arrow keys, to turn the view; + and - make it larger and smaller.`);
     const order = data.labels.map((_, i) => i).sort((a, b) => trial.probabilities[k][b] - trial.probabilities[k][a]).slice(0, 6);
-    bars.replaceChildren(...order.map((i) => {
-      const p = trial.probabilities[k][i];
-      const fill = h("span", { class: `fill m${i % COLOURS}` });
-      fill.style.setProperty("width", `${(100 * p).toFixed(2)}%`);
-      return h("div", { class: "bar-row" },
-        h("span", { class: "bar-name" }, data.labels[i], data.labels[i] === trial.truth && h("span", { class: "tag" }, "true")),
-        h("span", { class: "bar-track" }, fill), h("span", { class: "bar-value" }, p.toFixed(3)));
-    }));
+    bars.replaceChildren(...order.map((i) => barRow(data.labels[i], trial.probabilities[k][i], i, data.labels[i] === trial.truth)));
     redraw();
   }
   function start(i) {
@@ -176,7 +149,7 @@ function trialsSection() {
 
 async function page() {
   await unpackArrays();
-  header();
+  pageHeader("Recognising objects in space by touch: which one it is, and how it lies", data.facts, data.remarks, [`Made with ${data.versions}.`]);
   const parts = [curvesSection(), data.trials.length && trialsSection(), objectsSection()].filter(Boolean);
   document.getElementById("content").append(...parts);
   document.documentElement.dataset.ready = "yes";

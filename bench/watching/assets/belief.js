@@ -1,7 +1,5 @@
 // What an estimator makes of the touches: beliefs as bars, and the pad on the most probable letter.
 
-const MARKS = 8;
-
 if (data.live) {
   let now = null, belief = null;
   const scene = find("scene"), bars = find("bars");
@@ -46,12 +44,7 @@ if (data.live) {
 
   function drawBars() {
     const ranked = Object.entries((belief && belief.probabilities) || {}).sort((a, b) => b[1] - a[1]).slice(0, 8);
-    bars.replaceChildren(...ranked.map(([label, p]) => {
-      const fill = h("span", { class: `fill m${Math.max(data.live.letters.indexOf(label), 0) % MARKS}` });
-      fill.style.setProperty("width", `${(100 * p).toFixed(2)}%`);
-      return h("div", { class: "bar-row" }, h("span", { class: "bar-name" }, label), h("span", { class: "bar-track" }, fill),
-        h("span", { class: "bar-value" }, p < 0.0005 ? "0" : p > 0.9995 ? "1" : p.toFixed(3)));
-    }));
+    bars.replaceChildren(...ranked.map(([label, p]) => barRow(label, p, Math.max(data.live.letters.indexOf(label), 0))));
   }
 
   watchers.push({
