@@ -274,7 +274,7 @@ class Run:
     def plot_maps(self) -> Picture:
         """Draw the learned occupancy maps (the paper's figure 4), or surfaces. Raises InputError if there are none."""
         if self.in_space:
-            from tactsim.bench.space.map_picture import surfaces_figure
+            from tactsim.bench.space.pictures import surfaces_figure
 
             return surfaces_figure(self.maps)
         from tactsim.bench.runs.figures import maps_figure

@@ -126,7 +126,7 @@ def print_run(run: Run, verbose: bool = False) -> None:
     for line in headline(run):
         console.print(line, style="bold")
     rows = _rows(run.readings, _ROWS_IN_SPACE if run.in_space else ROWS) if verbose else _rows(run.readings)
-    console.print(_table_in_space(run, rows, verbose) if run.in_space else _table(run, rows, verbose))
+    console.print(_table(run, rows, verbose))
     console.print(
         f"right: share of the trials that name the {'object' if run.in_space else 'letter'}; error: how far from its "
         f"true place they put it, mean over those named rightly"
@@ -322,41 +322,28 @@ def work_line(work: Mapping[str, Any]) -> str:
     return (done or "nothing new") + (f"; skipped: {skipped}" if skipped else "")
 
 
-def _table_in_space(run: Run, rows: Sequence[int], verbose: bool) -> Table:
-    columns = [("error_mm", "error mm", 2), ("angle_deg", "degrees", 1)]
-    if verbose:
-        columns[1:1] = [("error_median_mm", "median", 2)]
-        columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)]
-    table = plain_table("touches", "right", "95 % interval", *(heading for _, heading, _ in columns), words=0)
-    summary = run.summary
-    for touch in rows:
-        k = touch - 1
-        table.add_row(
-            str(touch),
-            f"{summary['accuracy'][k]:.3f}",
-            f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            *(_number(summary[name][k], digits) for name, _, digits in columns),
-        )
-    return table
-
-
 def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
-    summary, against_bound = run.summary, run.against_bound
-    sure = verbose and any(value is not None for value in summary["sharpness_mm"])
-    bounded = any(bound is not None for bound in against_bound["bound_mm"])
-    headings = ["readings", "right", "95 % interval", "error mm"]
-    headings += ["x bound"] * bounded + ["all mm"] * verbose + ["90 % in mm", "held"] * sure
-    table = plain_table(*headings, words=0)
-    for reading in rows:
-        k = reading - 1
+    """Lay out some readings or touches: the share that is right, its interval, and what else is known of them."""
+    values: Mapping[str, Any] = run.summary
+    columns = [("error_mm", "error mm", 2)]  # a curve, its heading and its digits
+    if run.in_space:
+        columns += [("error_median_mm", "median", 2)] * verbose + [("angle_deg", "degrees", 1)]
+        columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)] * verbose
+    else:
+        values = run.summary | run.against_bound
+        bounded = any(bound is not None for bound in values["bound_mm"])
+        sure = verbose and any(value is not None for value in values["sharpness_mm"])
+        columns += [("efficiency", "x bound", 2)] * bounded + [("error_all_mm", "all mm", 2)] * verbose
+        columns += [("sharpness_mm", "90 % in mm", 2), ("coverage_90", "held", 2)] * sure
+    heads = ("touches" if run.in_space else "readings", "right", "95 % interval")
+    table = plain_table(*heads, *(heading for _, heading, _ in columns), words=0)
+    for row in rows:
+        k = row - 1
         table.add_row(
-            str(reading),
-            f"{summary['accuracy'][k]:.3f}",
-            f"{summary['accuracy_low'][k]:.3f} - {summary['accuracy_high'][k]:.3f}",
-            _number(summary["error_mm"][k], 2),
-            *([_number(against_bound["efficiency"][k], 2)] if bounded else []),
-            *([_number(summary["error_all_mm"][k], 2)] if verbose else []),
-            *(_number(summary[name][k], 2) for name in ("sharpness_mm", "coverage_90") if sure),
+            str(row),
+            f"{values['accuracy'][k]:.3f}",
+            f"{values['accuracy_low'][k]:.3f} - {values['accuracy_high'][k]:.3f}",
+            *(_number(values[name][k], digits) for name, _, digits in columns),
         )
     return table
 

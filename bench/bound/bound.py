@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
 
 from tactsim.bench.bound.efficiency import bound_curves, determined_below_mm
 from tactsim.bench.bound.exact_bayes import ExactBayes
@@ -14,7 +13,7 @@ from tactsim.bench.bound.scan_information import check_motion, scan_information
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import perform, silent
 from tactsim.bench.results import Run
-from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture
+from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture, over_readings
 from tactsim.bench.trials import Progress
 from tactsim.core.errors import InputError, counted
 from tactsim.core.poses import FloatArray
@@ -78,12 +77,10 @@ class Bound:
             right.plot(seen, np.array(found[name], dtype=float), color=colour, ls=(0, (5, 3)), label=label)
         right.set(yscale="log", ylabel="placement error, mm")
         for axes in (left, right):
-            axes.set(xlim=(1, max(2, self.run.readings)), xlabel="readings seen")
-            axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
+            over_readings(axes, self.run.readings)
             if axes.has_data():
                 axes.legend(frameon=False)
             axes.grid(which="both", lw=0.3, alpha=0.6, color=GREY)
-            axes.spines[["top", "right"]].set_visible(False)
         title = f"The best possible: {counted(len(self.run.trials.truth), 'trial')}, {self.run.protocol}"
         figure.suptitle(title, fontsize=10, parse_math=False)
         return figure

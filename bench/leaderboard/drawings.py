@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from io import BytesIO
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tactsim.bench.leaderboard.figure_words import heading
 from tactsim.bench.leaderboard.standings import Entrant, Standings
 from tactsim.bench.report.pareto import frontier
 from tactsim.bench.report.picture import COLOURS, look
+from tactsim.bench.runs.figures import as_bytes, plain_log
 
 SCHEMES = {"light": ("#ffffff", "#161b22", "#d9dee5"), "dark": ("#161b23", "#e8ecf2", "#2c3440")}
 _IN_A_COLUMN = 24  # labels beside the picture
@@ -30,7 +29,7 @@ def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> byt
     style = dict.fromkeys(
         ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink
     )
-    with mpl.rc_context({"svg.hashsalt": "tactsim", "text.parse_math": False, **style}):  # type: ignore[dict-item]
+    with mpl.rc_context({"text.parse_math": False, **style}):  # type: ignore[dict-item]
         figure = Figure(
             figsize=(9, max(4.2, 0.21 * len(points) + 0.6)), layout="constrained", facecolor=ground
         )
@@ -49,9 +48,7 @@ def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> byt
             xscale="log", yscale="log", xlabel="processor time of a reading, ms", ylabel=heading(of.error_by)
         )
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(NullFormatter())
+            plain_log(axis)
         axes.grid(which="major", lw=0.5, color=line)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
@@ -59,11 +56,7 @@ def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> byt
         figure.legend(
             loc="outside right upper", frameon=False, fontsize=9, ncols=1 + len(points) // _IN_A_COLUMN
         )
-        content = BytesIO()
-        figure.savefig(
-            content, format=kind, dpi=160, metadata={"Date": None} if kind == "svg" else {"Software": None}
-        )
-    return content.getvalue()
+        return as_bytes(figure, kind, dpi=160)
 
 
 def _short(label: str, most: int = 34) -> str:

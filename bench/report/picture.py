@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from tactsim.bench import paper
 from tactsim.bench.report.curves import axis_of_errors, below_bound
 from tactsim.bench.report.pareto import Point, machine_line, points
+from tactsim.bench.runs.figures import as_bytes, plain_log
 from tactsim.bench.runs.pooled import Group
 from tactsim.core.files import write_bytes
 
@@ -27,8 +25,6 @@ COLOURS = (
     "#7a0c14", "#1d5e14", "#27339b", "#7a0f74", "#8874b4", "#304254", "#3f86f2", "#5c8a00",
 )  # fmt: skip
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
-# What of a file's metadata would differ from one time to the next.
-_DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 LONGEST_LABEL = 48  # characters of a method in a legend
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
@@ -50,11 +46,7 @@ def look(number: int, scheme: str = "light") -> tuple[str, str]:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format that the path's ending names, without a date: equal figures, equal files."""
-    content = BytesIO()
-    kind = path.suffix.removeprefix(".")
-    with mpl.rc_context({"svg.hashsalt": "tactsim"}):
-        figure.savefig(content, format=kind, dpi=200, metadata={_DATES[kind]: None})
-    write_bytes(path, content.getvalue())
+    write_bytes(path, as_bytes(figure, path.suffix.removeprefix("."), dpi=200))
 
 
 def pareto_figure(group: Group) -> Figure:
@@ -85,7 +77,7 @@ def pareto_figure(group: Group) -> Figure:
     _frontier(right, [(p.seconds, p.settled) for p in found if p.settled_frontier and p.settled is not None])
 
     left.set(yscale="log", ylabel=f"placement error after {group.readings} readings, mm")
-    _plain_log(left.yaxis)
+    plain_log(left.yaxis)
     ticks = [tick for tick in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60, 100) if tick <= group.readings]
     never = any(point.settled is None for point in found)
     right.set(yscale="log", ylabel="readings until 95 % of the trials are and stay right")
@@ -96,7 +88,7 @@ def pareto_figure(group: Group) -> Figure:
     right.yaxis.set_minor_locator(NullLocator())
     for axes in (left, right):
         axes.set(xscale="log", xlabel=f"processor time of a recognition of {group.readings} readings, ms")
-        _plain_log(axes.xaxis)
+        plain_log(axes.xaxis)
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
@@ -154,7 +146,7 @@ def readings_figure(group: Group) -> Figure:
         right.legend(handles=noted, framealpha=0.9, edgecolor="none", fontsize=8)
     left.set(ylim=(0, 1.02), ylabel="share of trials right")
     right.set(yscale="log", ylim=(least, most), ylabel="placement error, mm")
-    _plain_log(right.yaxis)
+    plain_log(right.yaxis)
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         axes.set(xlim=(1, max(2, *(entry.readings for entry in group.entries))), xlabel="readings seen")
@@ -167,12 +159,6 @@ def readings_figure(group: Group) -> Figure:
         "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
     )
     return figure
-
-
-def _plain_log(axis: Axis) -> None:
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def _legend(figure: Figure, axes: Axes) -> None:

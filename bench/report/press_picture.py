@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from tactsim.bench.report.outlines import taxel_size
+from tactsim.bench.runs.figures import as_bytes
 from tactsim.core import Scan
 from tactsim.core.errors import printable
 
@@ -86,6 +86,4 @@ def title(scan: Scan, press: int) -> str:
 
 def as_data(figure: Figure) -> str:
     """Give a figure as the address of an image that holds it. Equal figures give equal text."""
-    content = BytesIO()
-    figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
-    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
+    return f"data:image/png;base64,{base64.b64encode(as_bytes(figure, dpi=110)).decode()}"

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from tactsim.bench.results import Run
 from tactsim.bench.score import Z_95, error_limits
@@ -23,14 +25,31 @@ from tactsim.models import Letter
 BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
 
 
+# What of a file's metadata would differ from one time to the next.
+_DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
+
+
+def as_bytes(figure: Figure, kind: str = "png", dpi: int = 150) -> bytes:
+    """Give a figure as PNG, SVG or PDF, without a date so that equal figures are equal bytes."""
+    content = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "tactsim"}):
+        figure.savefig(content, format=kind, dpi=dpi, metadata={_DATES[kind]: None})
+    return content.getvalue()
+
+
+def plain_log(axis: Axis) -> None:
+    """Write the numbers 1, 2, 5, 10 ... beside a logarithmic axis, as they are."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
 class Picture(Figure):
     """A figure that a notebook shows even if pyplot was never imported."""
 
     def png(self, dpi: int = 150) -> bytes:
-        """Give the figure as PNG, without a date so that equal figures are equal bytes."""
-        content = BytesIO()
-        self.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
-        return content.getvalue()
+        """Give the figure as PNG; see `as_bytes`."""
+        return as_bytes(self, dpi=dpi)
 
     def _repr_png_(self) -> bytes:
         return self.png(dpi=100)
@@ -89,7 +108,7 @@ def _draw_accuracy(run: Run, axes: Axes) -> None:
         )  # fmt: skip
     axes.set(ylim=(0, 1.02), ylabel="share of trials right")
     axes.legend(frameon=False, loc="lower right")
-    _over_readings(axes, run.readings)
+    over_readings(axes, run.readings)
 
 
 def _draw_error(run: Run, axes: Axes) -> None:
@@ -105,15 +124,15 @@ def _draw_error(run: Run, axes: Axes) -> None:
         axes.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
     axes.plot(number, np.maximum(error_all, low), color=GREY, lw=1, ls="--", label="over all trials")
     axes.set(ylim=(low, high), yscale="log", ylabel="placement error, mm")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    plain_log(axes.yaxis)
     axes.yaxis.set_minor_locator(NullLocator())
     axes.grid(axis="y", lw=0.3, alpha=0.6)
     axes.legend(frameon=False, loc="upper right")
-    _over_readings(axes, run.readings)
+    over_readings(axes, run.readings)
 
 
-def _over_readings(axes: Axes, readings: int) -> None:
+def over_readings(axes: Axes, readings: int) -> None:
+    """Let the axis along run over the readings of a trial, which are whole."""
     axes.set(xlim=(1, max(2, readings)), xlabel="readings seen")
     axes.spines[["top", "right"]].set_visible(False)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings

@@ -12,12 +12,11 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.bench.watching.pad_screen import REDRAW_S, show
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.told import Told
 from tactsim.bench.watching.touch_leader import LiveView
-from tactsim.bench.watching.watch_screen import pad_lines, state_text
+from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state_text
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray, invert, transform
 from tactsim.estimators import NONE

@@ -7,20 +7,48 @@ from collections.abc import Callable
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.text import Text
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.watching.pad_screen import REDRAW_S, show
+from tactsim.bench.pad.keyboard import keys
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.core.errors import printable
 from tactsim.hardware.terminal_pictures import scale_bar, tactile_image
 
+REDRAW_S = 0.05
 _LINE_S = 1.0
 _BARS = " ▁▂▃▄▅▆▇█"
 _KEYS = "f freeze   t tare   q quit"
 _MOST_COUNTERS = 6
 _MOMENT = 4  # values of the history
 STATES = {"waiting": "yellow", "live": "bold green", "lost": "bold white on red", "ended": "yellow"}
+
+
+def show(
+    reader: PadReader,
+    console: Console,
+    over: Callable[[PadView], bool],
+    draw: Callable[[PadView], RenderableType],
+    obey: Callable[[str, PadView], None],
+) -> None:
+    """Draw each view that the reader has on the whole screen, until `over` says so or q is typed.
+
+    t takes the tare. Every other key is passed to `obey` with the view on the screen.
+    """
+    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as live:
+        view = reader.view()
+        while not over(view):
+            for key in typed():
+                if key == "q":
+                    return
+                if key == "t":
+                    reader.tare()
+                else:
+                    obey(key, view)
+            live.update(draw(view), refresh=True)
+            time.sleep(REDRAW_S)
+            view = reader.wait(view.number, REDRAW_S)
 
 
 def watch(

@@ -4,7 +4,7 @@ import numpy as np
 
 from tactsim.bench.results import Run
 from tactsim.bench.space.space_config import SpaceConfig
-from tactsim.bench.space.space_replay import Replayed
+from tactsim.bench.space.space_page import Replayed
 from tactsim.bench.space.surface_distance import Surface
 from tactsim.bench.trials import SpaceTrials
 from tactsim.core import rigid

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactsim.bench.space.map_picture import surfaces_figure
+from tactsim.bench.space.pictures import surfaces_figure
 from tactsim.estimators.space.surface import Surface
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from browser import browser, expect, needs_browser
 
-from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.told import Told, Truth
 from tactsim.bench.watching.touch_leader import TouchLeader

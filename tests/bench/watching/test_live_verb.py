@@ -11,9 +11,9 @@ from command_line import BENCH, emulated, refused
 from pty_session import Terminal
 from rich.console import Console
 
-from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.live_screen import live
 from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.told import Told, Truth
 from tactsim.bench.watching.touch_leader import LiveView, TouchLeader

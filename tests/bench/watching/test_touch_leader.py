@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from tactsim.bench.watching.hidden_object import HiddenObject
 from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.touch_leader import MarkedTouches, Marks, TouchLeader
 from tactsim.core import Scan, compose

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from manifold3d import Manifold
+from solid_pictures import shaded, solids_figure
 
 from tactsim import models
-from tactsim.bench.space.solid_pictures import shaded, solids_figure
 from tactsim.models.solids import solid_of
 
 

@@ -1,4 +1,4 @@
-"""Shaded pictures of solids on one scale: `python -m tactsim.bench.space.solid_pictures FILE.png [NAME ...]`."""
+"""Shaded pictures of solids on one scale: `python docs/tools/solid_pictures.py FILE.png [NAME ...]`."""
 
 from __future__ import annotations
 
