@@ -205,33 +205,6 @@ def order_of_letters(worst: Worst) -> None:
 
 
 @case(
-    "filters.letter-of-the-mode",
-    varied="900 early beliefs of five letters",
-    deviation="poses that are not the best within the letter of eq. 14",
-    limit=0,
-    because="the letter of eq. 14 and that of the joint mode (eq. 15) differ now and then; the pose follows eq. 14",
-)
-def letter_of_the_mode(worst: Worst) -> None:
-    """Compare the pose with that of a filter which only knows the most probable letter."""
-    scan = pressed()
-    options = {"bins": 1000}
-    together = fitted("histogram", scan, **options)
-    alone = {label: fitted("histogram", scan.of_letters([label]), **options) for label in scan.letters}
-    rng = np.random.default_rng(0)
-    for seed in range(300):
-        label = scan.letters[seed % len(scan.letters)]
-        readings, poses, _ = hidden(scan, label, 3, seed=seed)
-        for estimator in (together, *alone.values()):
-            estimator.reset(rng)
-        for reading, pose in zip(readings, poses, strict=True):
-            for estimator in (together, *alone.values()):
-                estimator.update(reading, pose)
-            estimate = together.estimate()
-            within = alone[estimate.label].estimate().robot_in_object
-            worst.holds(np.array_equal(estimate.robot_in_object, within), f"letter {label}, trial {seed}")
-
-
-@case(
     "filters.skipping",
     varied="bins left alone or not, 60 readings of every letter",
     deviation="probability of a letter; 1 for another letter or pose",

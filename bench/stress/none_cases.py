@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.case_data import after, few, fitted, hidden, pressed, see_sound
-from tactsim.estimators import NONE
+from tactsim.bench.stress.case_data import few, fitted, hidden, pressed, see_sound
 
 
 @case(
@@ -29,23 +28,3 @@ def odd_readings(worst: Worst) -> None:
             ("all alike", np.full_like(readings, 40.0)),
         ):
             see_sound(worst, estimator, felt, poses, f"prior {unknown:g}, {what}")
-
-
-@case(
-    "none.load-and-world",
-    varied="known letters in every ready-made way to press: level, tilted, on a rigid wrist",
-    deviation="share of 18 trials of 12 readings that are refused, prior of none 0.5",
-    limit=0.1,
-    because="what a letter's own readings are like is learned from them, whatever the world",
-)
-def load_and_world(worst: Worst) -> None:
-    """Known letters stay known in worlds that were trained in."""
-    for world in ("default", "level", "paper-like"):
-        scan = pressed("AEI", world)
-        estimator = fitted("refined", scan, unknown=0.5)
-        refused = 0
-        for seed in range(6):
-            for label in scan.letters:
-                readings, poses, _ = hidden(scan, label, 12, seed)
-                refused += after(estimator, readings, poses).label == NONE
-        worst.see(refused / 18, world)

@@ -129,25 +129,3 @@ def same_seed(worst: Worst) -> None:
             answers.append([probabilities(got).tolist(), got.robot_in_object.tolist(), samples])
         worst.holds(answers[0] == answers[1], f"{name}: two runs of one seed differ")
         worst.holds(answers[0] != answers[2], f"{name}: two seeds agree")
-
-
-@case(
-    "particles.finding-back",
-    varied="another letter laid under the pad after 100 readings, augmented MCL",
-    deviation="trials of 10 in which the new letter is not found within 60 readings",
-    limit=1.0,
-    because="random particles are injected when the mean weight falls; each has a chance to be near the truth",
-)
-def finding_back(worst: Worst) -> None:
-    """Take the object away when every particle believes in it, and put another there."""
-    scan = pressed("AEI")
-    missed = 0
-    estimator = fitted("augmented-mcl", scan, particles=3000)
-    for seed in range(10):
-        estimator.reset(np.random.default_rng(seed))
-        for label, count in (("A", 100), ("E", 60)):
-            readings, poses, _ = hidden(scan, label, count, seed=seed)
-            for reading, pose in zip(readings, poses, strict=True):
-                estimator.update(reading, pose)
-        missed += estimator.estimate().label != "E"
-    worst.see(float(missed), "all trials")
