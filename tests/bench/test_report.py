@@ -598,5 +598,5 @@ def test_many_methods_all_look_different_and_alike_on_page_and_picture():
     colours = tuple(re.findall(r"--m\d+: (#\w+);", style))
     assert colours == COLOURS + DARK_COLOURS + DARK_COLOURS
     assert re.findall(r"\.m(\d+) \{ --c: var\(--m(\d+)\)", style) == [(str(i), str(i)) for i in range(16)]
-    numbers = re.search(r"const COLOURS = (\d+), MARKS = (\d+);", (assets / "charts.js").read_text())
+    numbers = re.search(r"const COLOURS = (\d+), MARKS = (\d+);", (assets / "base.js").read_text())
     assert [int(number) for number in numbers.groups()] == [len(COLOURS), len(MARKERS)]

@@ -88,8 +88,8 @@ const rgb = (colour) => `rgb(${colour.join(" ")})`;
 // Black or white, whichever reads better on a colour.
 const ink = ([r, g, b]) => (0.299 * r + 0.587 * g + 0.114 * b > 140 ? "#10151c" : "#ffffff");
 
-// So many colours, the classes m0 to m15 of the style.
-const COLOURS = 16;
+// So many colours, the classes m0 to m15 of the style, and markers: up to their product, no two methods look the same.
+const COLOURS = 16, MARKS = 8;
 
 // A belief as a bar: its name, the share of the belief, the number of its colour, and whether it is the true one.
 function barRow(name, p, number, isTrue) {

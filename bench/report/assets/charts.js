@@ -1,8 +1,6 @@
 // Plots as inline SVG, drawn in real pixels so that text keeps its size on every screen.
 
 const DASHES = ["", "7 4", "2 4", "9 3 2 3", "1 3"];
-// So many markers: up to their product with the colours, no two methods look the same.
-const MARKS = 8;
 
 // A marker's outline about (0, 0) with radius r; the shape tells methods apart without colour.
 function mark(number, r) {
