@@ -26,7 +26,8 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
     split = "training" if result.trained_apart else "recorded"
     console.print(
         f"{result.readings:,} recorded readings of {' '.join(result.letters)}, {result.taxels} taxels, in "
-        f"{result.unit}; fitted to {result.used:,} {split} ones",
+        f"{result.unit}; fitted to {result.used:,} {split} ones"
+        + (f", near copies averaged to {result.apart:,}" if result.apart < result.used else ""),
         soft_wrap=True,
     )
     _show_errors(console, result)

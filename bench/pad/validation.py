@@ -20,7 +20,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
 from tactsim.estimators.likelihoods.classifier import classify, threshold_of
 from tactsim.hardware.gain_fit import best_gain
-from tactsim.hardware.sensor_fit import SensorFit, fit_sensor
+from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
 from tactsim.hardware.taxel_error import TaxelError, class_agreement, taxel_error
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import scan_letters
@@ -35,7 +35,8 @@ ROWS = {
 }
 _MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and change an interval little
 _FEWEST_PRESSES = 60
-_FOLDS = 6
+_FOLDS = 10
+_ALIKE = 0.99  # correlation of two presses at one pose, from which on they are one press for a fit
 _TOUCH = 5  # after which the drop is given
 
 
@@ -43,10 +44,11 @@ _TOUCH = 5  # after which the drop is given
 class Validation:
     """The result of comparing a simulated and a recorded scan.
 
-    readings: of the recording. used: those that the fit used, and whether they are all training readings. unit: of the
-    recording. errors: by the names of ROWS. outlined: letters whose outlines were fitted, in the order of `fit.grown`.
-    threshold, ratio: of eq. 3, as the first estimator had them. class_agreement: the share of taxels that eq. 3 puts in
-    the same class for recorded readings and those of the fitted simulation.
+    readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
+    many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
+    outlined: letters whose outlines were fitted, in the order of `fit.grown`. threshold, ratio: of eq. 3, as the first
+    estimator had them. class_agreement: the share of taxels that eq. 3 puts in the same class for recorded readings and
+    those of the fitted simulation.
     class_ceiling: the same for two simulations with different noise, which is as good as it can get. class_counts:
     (3, 3) taxels, rows by recorded class, columns by simulated class. recognition: by estimator and what it was trained
     on, see `recognised`; drops: how much the simulated ones lose beside the recorded one after `drop_at` touches, with
@@ -56,6 +58,7 @@ class Validation:
 
     readings: int
     used: int
+    apart: int
     trained_apart: bool
     unit: str
     letters: tuple[str, ...]
@@ -92,6 +95,7 @@ def validate(
 
     The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
+    Near copies of a press are averaged for the fit (`numbers_of_copies`); its noise is that of single presses.
     ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
     Raises InputError if the recorded letters or taxels are not in the simulation, or for an estimator or option that
     does not exist.
@@ -99,8 +103,11 @@ def validate(
     for name in estimators:
         create(name, **(options or {}))  # a wrong name or option is reported before the work
     apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
-    own = recorded.where("train") if apart else recorded
-    few = own.chosen(some_presses(own))
+    single = recorded.where("train") if apart else recorded
+    copies = numbers_of_copies(single)
+    averaged = means(single, copies)
+    chosen = some_presses(averaged)
+    few = averaged.chosen(chosen)
     presses = PressesAsRecorded(simulated, few)
     unit = str(recorded.meta.get("unit", "kPa"))
     check_world(presses.options, unit)
@@ -110,6 +117,10 @@ def validate(
         lambda done, total: progress("fit", done, total),
     )  # fmt: skip
     fitted = fit.answered(presses(fit.guess, fit.errors))
+    used = chosen[copies]
+    if used.sum() > len(few):
+        expected = fitted[(np.cumsum(chosen) - 1)[copies[used]]]
+        fit = replace(fit, noise=noise_of(single.readings[used] - expected, expected))
     errors = dict(
         zip(
             ROWS,
@@ -162,7 +173,8 @@ def validate(
         )
     return Validation(
         readings=len(recorded),
-        used=len(few),
+        used=int(used.sum()),
+        apart=len(few),
         trained_apart=apart,
         unit=unit,
         letters=recorded.letters,
@@ -183,6 +195,32 @@ def validate(
         parameters=world,
         clipped=clipped(presses.options, fit),
     )
+
+
+def numbers_of_copies(scan: Scan) -> NDArray[np.intp]:
+    """Give presses numbers (n,), the same to near copies: of one label and one stated pose, with nearly one picture.
+
+    A robot that presses one place twenty times says once where it is and what it looks like.
+    """
+    numbers = np.full(len(scan), -1)
+    places = np.column_stack([np.unique(scan.labels, return_inverse=True)[1], scan.poses])
+    about = scan.readings - scan.readings.mean(axis=1, keepdims=True)
+    about /= np.maximum(np.linalg.norm(about, axis=1, keepdims=True), 1e-12)
+    for press in range(len(scan)):
+        if numbers[press] < 0:
+            alike = (places == places[press]).all(axis=1) & (about @ about[press] >= _ALIKE)
+            alike[press] = True
+            numbers[alike & (numbers < 0)] = numbers.max() + 1
+    return numbers
+
+
+def means(scan: Scan, copies: NDArray[np.intp]) -> Scan:
+    """Put the mean of all presses of a number, (n,) `copies`, in the place of the first, and leave out the others."""
+    first = np.unique(copies, return_index=True)[1]
+    mask = np.zeros(len(scan), dtype=bool)
+    mask[first] = True
+    readings = np.array([scan.readings[copies == number].mean(axis=0) for number in range(len(first))])
+    return replace(scan.chosen(mask), readings=readings)
 
 
 def some_presses(scan: Scan) -> NDArray[np.bool_]:

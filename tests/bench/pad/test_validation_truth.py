@@ -11,6 +11,7 @@ from tactsim.bench.config import scan_options
 from tactsim.bench.pad import explained
 from tactsim.bench.pad.fitted_world import check_world, clipped, fitted_world, stated_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
+from tactsim.bench.pad.validation import means, numbers_of_copies
 from tactsim.core import Pad, Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
@@ -168,6 +169,24 @@ def test_a_world_is_read_as_it_was_simulated(tmp_path, pad, press, unit):
     (tmp_path / "world.toml").write_bytes(tomli_w.dumps(stated_world(options, unit)).encode())
     again = scan_options(world=str(tmp_path / "world.toml"))
     assert again == options.model_copy(update={"unit": unit})
+
+
+def test_near_copies_of_a_press_are_averaged_and_no_others():
+    """Of one label and one stated pose, each group about its first press; a lighter press is a copy, too."""
+    rng = np.random.default_rng(4)
+    pictures = rng.uniform(0, 100, (3, 30))
+    kinds = np.array([0, 1, 0, 0, 2, 1, 2, 0])
+    labels = np.array(["A", "A", "A", "A", "A", "A", "B", "A"])
+    poses = np.zeros((8, 3))
+    poses[7, 0] = 0.1
+    readings = pictures[kinds] * rng.uniform(0.8, 1.2, (8, 1)) + rng.normal(0, 0.2, (8, 30))
+    scan = Scan(readings, poses, labels, np.full(8, "train"), np.zeros((30, 2)))
+    copies = numbers_of_copies(scan)
+    assert copies.tolist() == [0, 1, 0, 0, 2, 1, 3, 4]
+    averaged = means(scan, copies)
+    assert np.allclose(averaged.readings[0], readings[[0, 2, 3]].mean(axis=0))
+    assert averaged.labels.tolist() == ["A", "A", "A", "B", "A"]
+    assert np.array_equal(averaged.poses, poses[[0, 1, 4, 6, 7]])
 
 
 def test_a_world_that_is_written_is_accepted(tmp_path):
