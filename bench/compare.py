@@ -67,7 +67,7 @@ def compare(base: Run, new: Run) -> list[Difference]:
     both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
     if both.any():
         errors = [one.error[both, readings - 1] for one in scored]
-        rows.append(paired(f"{error} @{readings}", errors[0], errors[1], rng, -1))
+        rows.append(paired(f"{error} @{readings}, both right", errors[0], errors[1], rng, -1))
         if in_space:
             angles = [np.degrees(one.angle[both, readings - 1]) for one in scored]
             rows.append(paired(f"angle deg @{readings}", angles[0], angles[1], rng, -1))

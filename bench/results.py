@@ -152,6 +152,25 @@ class Run:
         return f"{share:.0%} of the readings are {BADLY_EXPLAINED}" if share > _OFTEN else None
 
     @property
+    def symmetry_unknown(self) -> str | None:
+        """Say of which objects nobody stated the symmetry, so that errors take them for having none; None if of none.
+
+        What is scored as turned by half a turn may look the same.
+        """
+        stated = self.about["scan"].get("objects", {})
+        unknown = (
+            []
+            if self.in_space
+            else [label for label, of in self.objects.items() if of.placed and label not in stated]
+        )
+        if not unknown:
+            return None
+        return (
+            f"no symmetry is known of {' '.join(unknown)}: a turn that looks the same counts as an error; "
+            "`--shape FILE` of `bench import` and `bench replay` states it"
+        )
+
+    @property
     def confusion(self) -> dict[str, dict[str, int]]:
         """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
         return self.summary["confusion"]

@@ -172,9 +172,7 @@ def headline(run: Run) -> list[str]:
         lines[-1] += f"; the paper, on a real pad: {printed.words}"
     if run.config.get("hold_out"):
         lines.append(_refused(run))
-    if run.badly_explained is not None:
-        lines.append(run.badly_explained)
-    return lines
+    return lines + [line for line in (run.badly_explained, run.symmetry_unknown) if line is not None]
 
 
 def _own_shapes(run: Run) -> list[str]:

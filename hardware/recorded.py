@@ -189,7 +189,7 @@ class CsvReplay(Source):
             packed = self._file.read(2) == b"\x1f\x8b"
             self._file.seek(0)
             lines = gzip.GzipFile(fileobj=self._file) if packed else self._file
-            taxels, self._frames = read_table(lines)
+            taxels, self._frames, self._remark = read_table(lines)
             if taxels != device.codec.taxels:
                 raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
         except (InputError, OSError, EOFError) as error:
@@ -208,6 +208,10 @@ class CsvReplay(Source):
         except (OSError, EOFError) as error:
             raise SourceError(f"{self.path}: {error}") from error
         raise SourceEnded(f"{self.path} has no more readings")
+
+    def summary(self) -> list[str]:
+        """Say how the time was read where its title does not say it."""
+        return [] if self._remark is None else [self._remark]
 
     def close(self) -> None:
         """Close the file."""

@@ -43,6 +43,7 @@ def command(
         str | None,
         typer.Option(help="What says train or test is called. Default: all presses are to train on."),
     ] = None,
+    shapes: shared.Shapes = None,
     licence: shared.Licence = None,
     zero: shared.Zero = "auto",
     idle: shared.IdleFile = None,
@@ -52,12 +53,13 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.formats.csv_file import read_press_table
+    from tactsim.bench.pad.measured import with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Scan
     from tactsim.core.idle import settled
     from tactsim.hardware.device import load_device
 
-    check_new_file(out, source, None if pad is None else Path(pad), suffix=".npz")
+    check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
     names = ("readings", "poses", "labels", "split")
     table = source.suffix.lower() == ".csv"
     if table or source.suffix.lower() in SUFFIXES:
@@ -101,6 +103,7 @@ def command(
             f"is of .npz, .mat and .csv files; {source} is a scan as it was exported",
         )
         scan, told = formats.read(source), ""
+    scan = with_shapes(scan, shapes or ())
     if licence is not None:
         scan = scan.licensed(licence)
     scan.save(out)

@@ -35,14 +35,7 @@ def command(
             help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own."
         ),
     ] = None,
-    shapes: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--shape",
-            help="The shape of the object that --marks calls like the file: its centre, inertia and symmetry count in "
-            "placement errors; repeat for several.",
-        ),
-    ] = None,
+    shapes: shared.Shapes = None,
     moments: Annotated[
         str | None,
         typer.Option(

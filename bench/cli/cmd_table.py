@@ -44,8 +44,10 @@ def command(
     if to is Format.CSV:
         typer.echo(tables.csv_table(pools, asked), nl=False)
     else:
-        write = tables.latex_table if to is Format.LATEX else tables.markdown_table
-        typer.echo(write(tables.plain_rows(pools, asked)), nl=False)
+        rows = tables.plain_rows(pools, asked)
+        latex = to is Format.LATEX
+        table = tables.latex_table(rows, tables.meaning(pools)) if latex else tables.markdown_table(rows)
+        typer.echo(table, nl=False)
         typer.echo(f"{tables.made_of(pools)}", err=True)
     for remark in remarks:
         typer.echo(f"remark  {remark}", err=True)

@@ -72,6 +72,14 @@ IdleFile = Annotated[
         help="Readings of the untouched pad instead: a table of text with a column a taxel, or a .npy file.",
     ),
 ]
+Shapes = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--shape",
+        help="The shape of the object that is called like the file: its centre, inertia and symmetry count in "
+        "placement errors; repeat for several.",
+    ),
+]
 Licence = Annotated[
     str | None,
     typer.Option(help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own."),

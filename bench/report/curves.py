@@ -50,9 +50,11 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
 
 def axis_of_errors(group: Group) -> tuple[float, float]:
     """Choose the limits, mm, of a logarithmic axis for the errors of a group's runs, with their intervals."""
-    errors: list[Sequence[float | None]] = []
+    errors: list[Any] = []
     for entry in group.entries:
-        errors += [entry.summary["error_mm"], entry.error_band[1]]
+        error, (low, high) = np.array(entry.summary["error_mm"], dtype=float), entry.error_band
+        # Half the error is room enough for an interval that ends near 0.
+        errors += [error, high, np.fmax(np.array(low, dtype=float), error / 2)]
     bounds = np.concatenate(
         [np.array(entry.against_bound["bound_mm"], dtype=float) for entry in group.entries]
     )

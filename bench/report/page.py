@@ -77,6 +77,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
 def _versions(entries: Sequence[Pooled]) -> str:
     lines = dict.fromkeys(
         ", ".join(f"{name} {number}" for name, number in sorted(entry.run.about["versions"].items()))
+        + f", commit {entry.run.about['commit'] or 'unknown'}"
         for entry in entries
     )
     return "; ".join(lines)
@@ -189,7 +190,7 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "settled95": summary["settled_95"],
         "settled50": summary["settled_50"],
         "msPerReading": _short(1e3 * float(trials.seconds.mean())),
-        "evaluations": _short(float(trials.evaluations.mean())),
+        "evaluations": _short(float(trials.evaluations.mean())) if trials.evaluations.any() else None,
         "confusion": {
             "letters": letters,
             "right": [letters.index(answers.get(letter, letter)) for letter in letters],
@@ -224,6 +225,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "pressures": arrays.add(trial.pressures, "f4"),
         "taxels": np.round(of.scan.taxel_xy, 4).tolist(),
         "taxelSize": taxel_size(of.scan),
+        "unit": of.scan.meta.get("unit", "kPa"),
         "sensor": arrays.add(trial.sensor_in_object, "f4"),
         "ghost": arrays.add(trial.estimate_in_object, "f4"),
         "probabilities": arrays.add(trial.probabilities, "f4"),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,6 +19,7 @@ from tactsim.bench.report.curves import axis_of_errors, below_bound
 from tactsim.bench.report.pareto import Point, machine_line, points
 from tactsim.bench.runs.figures import as_bytes, plain_log
 from tactsim.bench.runs.pooled import Group
+from tactsim.core.errors import counted
 from tactsim.core.files import write_bytes
 
 # One colour and one marker a method, in order; the page (assets/page.css and charts.js) uses the same.
@@ -28,6 +31,13 @@ DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 LONGEST_LABEL = 48  # characters of a method in a legend
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
+WIDTH = 7.16  # inches: both columns of a page of the IEEE
+_TYPE: dict[Any, Any] = {
+    "font.size": 8.0,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
 # Of the axes of `pareto_figure`, about what a letter of a note is wide, and a line high.
 _LETTER, _LINE = 0.016, 0.045
 
@@ -46,13 +56,14 @@ def look(number: int, scheme: str = "light") -> tuple[str, str]:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format that the path's ending names, without a date: equal figures, equal files."""
-    write_bytes(path, as_bytes(figure, path.suffix.removeprefix("."), dpi=200))
+    write_bytes(path, as_bytes(figure, path.suffix.removeprefix("."), dpi=250))
 
 
+@mpl.rc_context(_TYPE)
 def pareto_figure(group: Group) -> Figure:
     """Draw every method's curve over its budget: time per recognition against error and readings needed."""
     found = points(group)
-    figure = Figure(figsize=(10, 5.0), layout="constrained", facecolor="white")
+    figure = Figure(figsize=(WIDTH, 3.9), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
     late = group.readings * 1.35  # where the runs are drawn that have not settled
     left_notes, right_notes = list[_Note](), list[_Note]()
@@ -104,9 +115,10 @@ def pareto_figure(group: Group) -> Figure:
     return figure
 
 
+@mpl.rc_context(_TYPE)
 def readings_figure(group: Group) -> Figure:
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
-    figure = Figure(figsize=(10, 4.6), layout="constrained", facecolor="white")
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
     least, most = axis_of_errors(group)
     noted: list[Line2D] = []
@@ -143,7 +155,7 @@ def readings_figure(group: Group) -> Figure:
             np.arange(1, len(bound) + 1), bound, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound"
         )
     if noted:
-        right.legend(handles=noted, framealpha=0.9, edgecolor="none", fontsize=8)
+        right.legend(handles=noted, framealpha=0.9, edgecolor="none", fontsize=7)
     left.set(ylim=(0, 1.02), ylabel="share of trials right")
     right.set(yscale="log", ylim=(least, most), ylabel="placement error, mm")
     plain_log(right.yaxis)
@@ -174,22 +186,23 @@ def _legend(figure: Figure, axes: Axes) -> None:
     columns = min(3 if max(map(len, labels)) > 24 else 4, len(labels))
     rows = -(-len(labels) // columns)
     figure.set_figheight(figure.get_figheight() + 0.19 * max(0, rows - 6))  # inches: the plots keep theirs
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=8)
 
 
 def _caption(figure: Figure, group: Group, text: str) -> None:
-    counts, scans = (
-        f"{min(numbers)}" if min(numbers) == max(numbers) else f"{min(numbers)} to {max(numbers)}"
-        for numbers in zip(
-            *((len(entry.trials.truth), len(entry.runs)) for entry in group.entries), strict=True
+    trials, scans = (
+        counted(numbers[-1], what) if numbers[0] == numbers[-1] else f"{numbers[0]} to {numbers[-1]} {what}s"
+        for numbers, what in (
+            (sorted(len(entry.trials.truth) for entry in group.entries), "trial"),
+            (sorted(len(entry.runs) for entry in group.entries), "scan"),
         )
     )
     letters = len(group.entries[0].run.about["letters"])
     task = "" if group.task == "defaults" else f"{group.task}; "
-    caption = f"{task}{letters} letters, {counts} trials of {scans} scans, {group.protocol}. {text}"
+    caption = f"{task}{letters} letters, {trials} of {scans}, {group.protocol}. {text}"
     figure.supxlabel(
-        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 170)),
-        fontsize=8,
+        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 150)),
+        fontsize=6.5,
         color="#444444",
     )
 
@@ -230,7 +243,7 @@ def _write(axes: Axes, notes: list[_Note]) -> None:
             ):
                 taken.append(box)
                 axes.annotate(
-                    budget.text, place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=8,
+                    budget.text, place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=7,
                     color=note.colour, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top",
                 )  # fmt: skip
                 break

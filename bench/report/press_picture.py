@@ -59,7 +59,7 @@ def press_figure(scan: Scan) -> Figure:
         axes.set_title(f"{ms[frame]:.0f} ms", fontsize=9)
         axes.spines[:].set_color("#bbbbbb")
     if patches is not None:
-        figure.colorbar(patches, ax=figure.axes, label="kPa", pad=0.01, aspect=12)
+        figure.colorbar(patches, ax=figure.axes, label=scan.meta.get("unit", "kPa"), pad=0.01, aspect=12)
     below = figure.add_subplot(grid[1, :])
     below.plot(ms, force, color=_BLUE, lw=1.6)
     below.plot(ms[shown], force[shown], "o", color=_BLUE, ms=5)

@@ -32,7 +32,8 @@ _DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
 def as_bytes(figure: Figure, kind: str = "png", dpi: int = 150) -> bytes:
     """Give a figure as PNG, SVG or PDF, without a date so that equal figures are equal bytes."""
     content = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "tactsim"}):
+    # Fonts as TrueType: publishers refuse Type 3, the default.
+    with mpl.rc_context({"svg.hashsalt": "tactsim", "pdf.fonttype": 42}):
         figure.savefig(content, format=kind, dpi=dpi, metadata={_DATES[kind]: None})
     return content.getvalue()
 

@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
 from tactsim.bench.score import (
-    Z_95,
     Scored,
     errors,
     recognition_seconds,
@@ -93,17 +92,15 @@ class Pooled:
         """Give every metric, computed from the raw trials; of several runs with intervals over scans and trials."""
         if len(self.runs) == 1:
             return self.run.summary
-        return summarise(self.trials, self.run.objects) | intervals(self)
+        found = [_right(self, k) for k in range(self.readings)]
+        over_scans = {"accuracy_low": [of.low for of in found], "accuracy_high": [of.high for of in found]}
+        return summarise(self.trials, self.run.objects) | over_scans
 
-    @property
+    @cached_property
     def error_band(self) -> tuple[Sequence[float | None], Sequence[float | None]]:
         """Bound the mean error at every reading with its 95 % interval; None where there is no error."""
-        s = self.summary
-        if "error_low_mm" in s:  # of several scans
-            return s["error_low_mm"], s["error_high_mm"]
-        pairs = list(zip(s["error_mm"], s["error_standard_error_mm"], strict=True))
-        low = [None if None in pair else max(pair[0] - Z_95 * pair[1], 0.0) for pair in pairs]
-        return low, [None if None in pair else pair[0] + Z_95 * pair[1] for pair in pairs]
+        found = [_error(self, k) for k in range(self.readings)]
+        return [figure.low for figure in found], [figure.high for figure in found]
 
     @cached_property
     def against_bound(self) -> Mapping[str, Any]:
@@ -273,17 +270,6 @@ def _pooled(runs: Iterable[tuple[Path | None, Run]], pool_seeds: bool) -> list[P
         Pooled(method, of, protocol, task, tuple(alike), folder)
         for (method, of, protocol, task, *_), (folder, alike) in found.items()
     ]
-
-
-def intervals(one: Pooled) -> dict[str, list[float | None]]:
-    """Bound accuracy and error of runs that differ in the seed at every reading, over scans and trials."""
-    curves: dict[str, list[float | None]] = {}
-    for name, curve in (("accuracy", _right), ("error", _error)):
-        found = [curve(one, k) for k in range(one.readings)]
-        unit = "_mm" if name == "error" else ""
-        curves[f"{name}_low{unit}"] = [figure.low for figure in found]
-        curves[f"{name}_high{unit}"] = [figure.high for figure in found]
-    return curves
 
 
 def cell(one: Pooled, figure: str) -> str:

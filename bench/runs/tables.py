@@ -69,16 +69,34 @@ def made_of(pools: Sequence[Pooled]) -> str:
     )
 
 
+def meaning(pools: Sequence[Pooled]) -> list[str]:
+    """Say what the figures of a table are of and mean, and with which code they were made."""
+    made = dict.fromkeys(
+        f"tactsim {run.about['versions']['tactsim']}, commit {run.about['commit'] or 'unknown'}"
+        for one in pools
+        for run in one.runs
+    )
+    return [
+        made_of(pools),
+        "settled by: from there on so many of the trials are right; later: not by the last reading",
+        *made,
+    ]
+
+
 def markdown_table(rows: Rows) -> str:
     """Lay out rows, of which the first are the heads, as a table of Markdown."""
     head, *body = ["| " + " | ".join(row) + " |\n" for row in rows]
     return head + "|" + "---|" * len(rows[0]) + "\n" + "".join(body)
 
 
-def latex_table(rows: Rows) -> str:
-    """Lay out rows, of which the first are the heads, as a tabular of LaTeX with the rules of booktabs."""
+def latex_table(rows: Rows, notes: Sequence[str] = ()) -> str:
+    """Lay out rows, of which the first are the heads, as a tabular of LaTeX with the rules of booktabs.
+
+    notes: comments above it, so that what the figures mean stays with them.
+    """
     head, *body = [" & ".join(map(_in_latex, row)) + r" \\" for row in rows]
     lines = [
+        *(f"% {note}" for note in notes),
         r"% needs \usepackage{booktabs}",
         rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}",
         r"\toprule",

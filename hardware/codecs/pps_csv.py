@@ -13,7 +13,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -79,8 +79,16 @@ class CsvCodec(LinesCodec):
         return np.round(values) if self._whole else values
 
 
-def read_table(lines: Iterable[bytes]) -> tuple[int, Iterator[Frame | None]]:
-    """Read a recording line by line: (taxels, frames), None for a line that is no frame.
+class Table(NamedTuple):
+    """A recording that is read line by line. frames: None for a line that is no frame. remark: on the unit of time."""
+
+    taxels: int
+    frames: Iterator[Frame | None]
+    remark: str | None
+
+
+def read_table(lines: Iterable[bytes]) -> Table:
+    """Read the head of a recording; its frames follow line by line.
 
     A frame's `seconds` are as the unit in the title says, or as the steps tell: below 1 they are s, below 1,000 ms,
     below 1,000,000 us, else ns. They count from the first frame if the clock counts from 1970. Taxels are the numbers
@@ -104,7 +112,7 @@ def read_table(lines: Iterable[bytes]) -> tuple[int, Iterator[Frame | None]]:
     if first is None or len(first) < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers{but}")
-    tick = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
+    tick, remark = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
     begun = first[0] * tick if first[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | None]:
@@ -114,7 +122,7 @@ def read_table(lines: Iterable[bytes]) -> tuple[int, Iterator[Frame | None]]:
             else:
                 yield Frame(row[1:], seconds=float(row[0] * tick - begun))
 
-    return len(first) - 1, frames()
+    return Table(len(first) - 1, frames(), remark)
 
 
 def _numbers(text: str, separator: str) -> FloatArray | None:
@@ -139,14 +147,16 @@ def _numbers(text: str, separator: str) -> FloatArray | None:
     )
 
 
-def _tick(title: str, times: list[float]) -> float:
-    """Give the s of one unit of time: of the title's, or by the median step."""
+def _tick(title: str, times: list[float]) -> tuple[float, str | None]:
+    """Give the s of one unit of time: of the title's, or by the median step, and then a remark that says so."""
     named = _TIME.match(title)
     unit = (named[1] or named[2]) if named else None
     if unit is not None:
         if unit.lower() not in _SECONDS:
             raise CodecError(f"the title's unit of time is {unit!r}; known are {', '.join(_SECONDS)}")
-        return _SECONDS[unit.lower()]
+        return _SECONDS[unit.lower()], None
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    return next((tick for most, tick in ((1, 1.0), (1e3, 1e-3), (1e6, 1e-6)) if step < most), 1e-9)
+    unit = next((unit for most, unit in ((1, "s"), (1e3, "ms"), (1e6, "us")) if step < most), "ns")
+    remark = f"the time is read as {unit}, by its steps of {step:g}: a title like 'time [s]' says it outright"
+    return _SECONDS[unit], remark

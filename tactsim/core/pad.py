@@ -69,9 +69,14 @@ class Pad(BaseModel):
         if self.taxel_width > self.pitch_x or self.taxel_height > self.pitch_y:
             raise ValueError("taxels overlap: taxel_width and taxel_height may be at most the pitch")
         if self.seam is not None and self.columns % 2:
-            raise ValueError(
-                "a seam in the middle needs an even number of columns; give seam = null or leave it"
-            )
+            raise ValueError('a seam in the middle needs an even number of columns; give seam = "none"')
+        if "seam" not in self.model_fields_set and self.columns > 1:
+            gap = self.pitch_x - self.taxel_width
+            if self.seam is not None and self.seam < gap:
+                raise ValueError(
+                    f"the gap between columns is {gap:g} mm, in the middle {self.seam:g}, the paper's seam; give "
+                    'seam = "none" for even columns, or its width'
+                )
         return self
 
     @classmethod

@@ -61,7 +61,7 @@ def test_the_placement_of_what_is_rightly_refused_is_not_compared():
     near, far = (
         {row.name: row for row in compare(refusing(base, 0), refusing(new, away))} for away in (0, 50)
     )
-    assert far["error mm @6"] == near["error mm @6"]
+    assert far["error mm @6, both right"] == near["error mm @6, both right"]
 
 
 def test_the_time_of_a_reading_holds_its_choice():

@@ -480,8 +480,7 @@ def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, c
     content["config"]["scan"] = str(tmp_path / "gone.npz")
     (folder / "run.json").write_text(json.dumps(content))
     written, remarks = write_report([folder], tmp_path / "r.html")
-    assert len(remarks) == 1
-    assert "gone.npz" in remarks[0]
+    assert len([remark for remark in remarks if "gone.npz" in remark]) == 1
     assert data_of(written[0])["protocols"][0]["recognitions"] == []
 
 

@@ -64,9 +64,20 @@ def test_a_mistake_is_one_line(words, says):
 
 def test_measures_alone_are_read_by_no_codec(tmp_path):
     path = tmp_path / "mine.toml"
-    path.write_text(MEASURES)
+    path.write_text(MEASURES + "no_seam = true")
     with pytest.raises(CodecError, match=r"'mine' has no \[codec\]"):
         load_device(path).build_codec()
     path.write_text("rows = 0")
     with pytest.raises(InputError, match=r"^pad .*mine\.toml: rows"):
         load_device(path)
+
+
+def test_a_pad_of_another_pitch_says_whether_it_has_a_seam(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(MEASURES)
+    with pytest.raises(
+        InputError, match=r"gap between columns is 1\.2 mm, in the middle 0\.4, the paper's seam"
+    ):
+        load_device(path)
+    path.write_text(MEASURES + "seam = 0.4")
+    assert load_device(path).pad.seam == 0.4

@@ -432,6 +432,14 @@ def test_a_packed_csv_is_read_and_a_torn_one_says_so(tmp_path):
         list(source)
 
 
+def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_path):
+    for title, said in (("time", "the time is read as ms, by its steps of 2.5"), ("time [s]", None)):
+        (tmp_path / "a.csv").write_text(vendor_table(f"{title},a,b,c,d", [f"{2.5 * k}" for k in range(9)]))
+        with CsvReplay(tmp_path / "a.csv", csv_device(4)) as source:
+            list(source)
+            assert [line.partition(":")[0] for line in source.summary()] == ([said] if said else [])
+
+
 def test_a_csv_whose_unit_of_time_nobody_knows_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("Time [fortnights],a\n0,1\n")
     with pytest.raises(InputError, match="unit of time is 'fortnights'; known are s, ms"):

@@ -36,7 +36,7 @@ function recognitionView(protocol) {
   let trial = trials[0], reading = 1, timer = null;
 
   const scene = s("svg", { class: "scene", role: "img" });
-  const tactile = s("svg", { class: "tactile", role: "img" });
+  const tactile = s("svg", { class: "tactile", role: "img" }), heading = h("h4", {});
   const bars = h("div", { class: "bars" });
   const history = s("svg", { class: "history", role: "img" });
   const planes = h("div", { class: "planes" });
@@ -162,7 +162,8 @@ function recognitionView(protocol) {
     const halfY = Math.max(...trial.taxels.map(([, y]) => Math.abs(y))) + height / 2 + 0.1;
     tactile.setAttribute("viewBox", `${-halfX} ${-halfY} ${2 * halfX} ${2 * halfY}`);
     const highest = Math.max(...values);
-    tactile.setAttribute("aria-label", `Tactile image of reading ${reading}: ${trial.taxels.length} taxels, highest ${highest.toFixed(1)} kPa`);
+    heading.textContent = `Tactile image, ${trial.unit}`;
+    tactile.setAttribute("aria-label", `Tactile image of reading ${reading}: ${trial.taxels.length} taxels, highest ${highest.toFixed(1)} ${trial.unit}`);
     const numbers = trial.taxels.map(([x, y], i) =>
       s("text", { x, y: -y + height * 0.12, "text-anchor": "middle", "font-size": (height * 0.36).toFixed(2), fill: ink(ramp("up", values[i] / most)) },
         String(Math.round(values[i]))),
@@ -268,7 +269,7 @@ function recognitionView(protocol) {
     h("div", { class: "recognition" },
       h("div", { class: "card a" }, h("h4", {}, "The pad on the letter"), scene,
         h("p", { class: "hint" }, "In the letter's own frame. Grey: the letter. Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the letter's centre is with 90 %.")),
-      h("div", { class: "card b" }, h("h4", {}, "Tactile image, kPa"), tactile),
+      h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,
         h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out; shading is the square root of the share of the peak. Cross: true. Ring: estimate.")),

@@ -40,7 +40,7 @@ function headlineTable(task) {
       best: Math.min,
     },
     { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading), best: Math.min },
-    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => plain(run.evaluations), best: Math.min },
+    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => run.evaluations === null ? MISSING : plain(run.evaluations), best: Math.min },
   ];
   const body = h("tbody");
   const heads = columns.map((column, i) => {

@@ -69,6 +69,7 @@ def test_several_pictures_of_each_press_are_averaged(suffix, tmp_path):
     [
         ({"labels": np.array(["A", "B", "A", "B"], dtype=object)}, "labels.astype(str)"),
         ({"labels": np.array(["A", "none", "A", "none"])}, "a letter is called 'none'"),
+        ({"poses": POSES * 30}, "'poses' turns by 330 rad; are these degrees?"),
         ({"readings": READINGS[:0], "poses": POSES[:0], "labels": [""][:0], "split": [""][:0]}, "no presses"),
     ],
 )  # fmt: skip
@@ -175,3 +176,20 @@ def test_a_damaged_mat_file_is_read_or_refused_in_one_line(compress, tmp_path):
         except BaseException as error:
             error.add_note(f"seed {seed}")
             raise
+
+
+def test_a_run_says_of_which_objects_no_symmetry_is_known(tmp_path, here):
+    save(
+        tmp_path / "a.npz", labels=np.array(["bar", "disc"] * 2), split=np.array(["train"] * 2 + ["test"] * 2)
+    )
+    (tmp_path / "bar.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="20mm" viewBox="0 0 20 20">'
+        '<path d="M2 8h16v4h-16z"/></svg>'
+    )
+    done = here("import", "a.npz", "--split", "split", *WORDS, "--shape", "bar.svg")
+    assert done.returncode == 0, done.stderr
+    assert Scan.load(tmp_path / "scan.npz").meta["objects"]["bar"]["symmetry"] == 2
+    run = here("run", "--scan", "scan.npz", "--estimator", "nearest", "--trials", "1", "--readings", "1")
+    assert "no symmetry is known of disc: a turn that looks the same counts as an error" in " ".join(
+        run.stdout.split()
+    )
