@@ -23,7 +23,7 @@ scored = ["accuracy@1"]
 [words]
 letters = "IO"
 """
-PRESSED_FOR_SECONDS = {"glyphs36-v1"}
+PRESSED_FOR_SECONDS = {"glyphs36-v1", "glyphs36-by-hand-v1"}
 PRESSED = [
     name for name in names() if "scan" not in task(name).words
 ]  # others are of recordings, which are not here
