@@ -6,7 +6,7 @@ import csv
 import html
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -681,10 +681,15 @@ def columns(trials: Trials) -> dict[str, NDArray[Any]]:
 
 def write_table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
     """Write columns as CSV, each value so that it is read back to the bit."""
+    return csv_text(names, zip(*(table[name].tolist() for name in names), strict=True))
+
+
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Write rows below their heads as CSV; None is an empty cell."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(zip(*(table[name].tolist() for name in names), strict=True))
+    writer.writerow(heads)
+    writer.writerows(rows)
     return stream.getvalue()
 
 

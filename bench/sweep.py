@@ -17,8 +17,8 @@ import json
 import os
 import re
 import shutil
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields
@@ -214,33 +214,15 @@ def chunks_of(name: str, plan: TrialPlan, tasks: Sequence[OneTrial]) -> list[Chu
     ]
 
 
-class Waiting:
-    """Chunks that no worker has yet, handed out so that few workers fit the estimator of the same run."""
+def take(waiting: list[Chunk], run: str | None, begun: Set[str]) -> Chunk:
+    """Take a chunk from those that wait: of `run` if one is left, or else of a run that has not begun, or the first.
 
-    def __init__(self, chunks: Iterable[Chunk]) -> None:
-        self._of_run: dict[str, deque[Chunk]] = {}
-        for chunk in chunks:
-            self._of_run.setdefault(chunk.run, deque()).append(chunk)
-        self._untouched = deque(self._of_run)
-
-    def __len__(self) -> int:
-        """Count the runs with chunks left."""
-        return len(self._of_run)
-
-    def take(self, run: str | None = None) -> Chunk:
-        """Take a chunk: of `run` if it has one left, or else of a run of which none was taken, or of any.
-
-        Raises IndexError if no chunk is left.
-        """
-        if run not in self._of_run:
-            if not self._of_run:
-                raise IndexError("no chunk is left")
-            untouched = self._untouched.popleft() if self._untouched else None
-            run = untouched or max(self._of_run, key=lambda name: len(self._of_run[name]))
-        chunk = self._of_run[run].popleft()
-        if not self._of_run[run]:
-            del self._of_run[run]
-        return chunk
+    So few workers fit the estimator of the same run. Raises IndexError if none waits.
+    """
+    order = range(len(waiting))
+    same = (k for k in order if waiting[k].run == run)
+    new = (k for k in order if waiting[k].run not in begun)
+    return waiting.pop(next(same, next(new, 0)))
 
 
 def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, int]) -> None:
@@ -382,27 +364,34 @@ def _work_off(
     for attempt in range(1, ATTEMPTS + 1):
         if not left:
             return
-        waiting, running = Waiting(left.values()), dict[Future[Any], Chunk]()
         try:
             with pool() as executor:
-                run = None
-                while waiting and len(running) < (at_once or len(left)):
-                    chunk = waiting.take(run)
-                    run = None if at_once else chunk.run
-                    running[executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks))] = chunk
-                while running:
-                    done, _ = wait(running, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        chunk = running.pop(future)
-                        trials, work = future.result()
-                        if waiting:  # the worker that is free now has fitted this run's estimator already
-                            more = waiting.take(chunk.run)
-                            running[executor.submit(run_chunk, plans[more.run], list(more.tasks))] = more
-                        del left[chunk.run, chunk.number]
-                        yield chunk, trials, work
+                for chunk, trials, work in _results(executor, list(left.values()), plans, at_once):
+                    del left[chunk.run, chunk.number]
+                    yield chunk, trials, work
         except BrokenExecutor:
             if attempt == ATTEMPTS:
                 raise
+
+
+def _results(
+    executor: Executor, waiting: list[Chunk], plans: Mapping[str, TrialPlan], at_once: int | None
+) -> Iterator[tuple[Chunk, Trials, dict[str, int]]]:
+    """Send chunks to workers and yield their results as they come. Raises BrokenExecutor if a worker dies."""
+    running, begun = dict[Future[Any], Chunk](), set[str]()
+    free: list[str | None] = [None] * (at_once or len(waiting))  # the run that each free worker has fitted
+    while waiting or running:
+        while waiting and free:
+            run = free.pop() if at_once else waiting[0].run
+            chunk = take(waiting, run, begun)
+            begun.add(chunk.run)
+            running[executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks))] = chunk
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            chunk = running.pop(future)
+            free.append(chunk.run)
+            trials, work = future.result()
+            yield chunk, trials, work
 
 
 def _gather_all(

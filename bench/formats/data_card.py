@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.results import Run
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.core import Scan
 from tactsim.core.scan import SPLITS
 
@@ -63,7 +64,7 @@ def card_of_scan(scan: Scan) -> str:
         f"{len(scan):,} presses of a pad of {taxels} taxels against {len(scan.letters)} objects at known poses.",
         "The objects are",
         "    " + " ".join(scan.letters),
-        _table(("column", "what it holds"), [(name, what) for name, _, what in columns]),
+        markdown_table([("column", "what it holds"), *((name, what) for name, _, what in columns)]).rstrip(),
         "The taxels' centres (mm, in the frame of the sensor), the pad and all options stand in `scan.json`. "
         "`bench import FOLDER --out scan.npz` makes a scan of this folder again, bit for bit.",
         *_made(scan),
@@ -126,8 +127,8 @@ def _made(scan: Scan) -> list[str]:
         "## Licence",
         f"{licence}." if licence else "None is stated: ask the owner before you use the data.",
         "## Frames and units",
-        _table(("numbers", "frame"), list(about["frames"].items())),
-        _table(("quantity", "unit"), list(about["units"].items())),
+        markdown_table([("numbers", "frame"), *about["frames"].items()]).rstrip(),
+        markdown_table([("quantity", "unit"), *about["units"].items()]).rstrip(),
         "## How it was made",
     ]
     for whose, facts in (("", about), ("The training readings: ", about["train"])):
@@ -148,9 +149,3 @@ def _licence(name: str | None) -> dict[str, str]:
         return {"license": "unknown"}
     known = name in _KNOWN_LICENCES
     return {"license": name.lower()} if known else {"license": "other", "license_name": name}
-
-
-def _table(heads: tuple[str, ...], rows: Iterable[tuple[Any, ...]]) -> str:
-    return "\n".join(
-        "| " + " | ".join(map(str, cells)) + " |" for cells in (heads, ["---"] * len(heads), *rows)
-    )

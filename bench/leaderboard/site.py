@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import hashlib
 import json
 import re
@@ -11,7 +10,6 @@ import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
-from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import quote
@@ -22,6 +20,7 @@ from tactsim.bench.leaderboard.ranking import LEVEL
 from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
+from tactsim.bench.results import csv_text
 from tactsim.core.errors import counted
 from tactsim.core.files import KeptBeside, new_folder, write_bytes, write_text
 
@@ -84,8 +83,8 @@ def _write(folder: Folder, inside: Path) -> None:
     for one in folder.entrants:
         for path in (one.path, record_path(one.path)) if one.check else (one.path,):
             shutil.copyfile(path, inside / "bundles" / path.name)
-    write_text(inside / "figures.csv", _csv(FIGURES, _figures(folder.standings)))
-    write_text(inside / "pairs.csv", _csv(PAIRS, _pairs(folder.standings)))
+    write_text(inside / "figures.csv", csv_text(FIGURES, _figures(folder.standings)))
+    write_text(inside / "pairs.csv", csv_text(PAIRS, _pairs(folder.standings)))
 
     def page(name: str, template: str, title: str, lead: str, **context: Any) -> None:
         text = render(
@@ -206,14 +205,6 @@ def _pairs(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
                 of.task, of.data, one.first.label, one.second.label, of.accuracy_by, one.won, one.lost, one.accuracy_p,
                 of.error_by, one.difference, one.low, one.high, one.error_p,
             )  # fmt: skip
-
-
-def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    stream = StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return stream.getvalue()
 
 
 def _task_slug(of: Standings) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
+from tactsim.bench.results import csv_text
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import error_limits
 from tactsim.bench.trials import Trials
@@ -45,7 +44,7 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
         "confusion": _confusion(groups),
         "recognition": _recognition(replayed),
     }
-    return {name: _csv(columns, rows[name]) for name, columns in COLUMNS.items()}
+    return {name: csv_text(columns, rows[name]) for name, columns in COLUMNS.items()}
 
 
 def axis_of_errors(group: Group) -> tuple[float, float]:
@@ -181,11 +180,3 @@ def _recognition(replayed: Sequence[Replayed]) -> Iterator[Sequence[Any]]:
                         trial.entry.label, trial.task.truth, trial.task.trial, k + 1, letter, p,
                         trial.label[k], trial.error[k],
                     )  # fmt: skip
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return stream.getvalue()

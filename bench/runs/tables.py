@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Callable, Sequence
 
+from tactsim.bench.results import csv_text
 from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, figure_of
 from tactsim.core.errors import counted
 
@@ -24,7 +23,7 @@ _LATEX |= {character: f"\\{character}" for character in "&%$#_{}"}
 
 def usual_figures(pools: Sequence[Pooled]) -> list[str]:
     """Choose the figures of a table that nobody asked for others: right after 1 and 5, and the error at the end."""
-    last = min(one.runs[0].readings for one in pools)
+    last = min(one.readings for one in pools)
     return [*dict.fromkeys(f"right@{min(k, last)}" for k in (1, 5)), "settled_95", f"error@{last}"]
 
 
@@ -119,28 +118,18 @@ def csv_table(pools: Sequence[Pooled], figures: Sequence[str]) -> str:
 
     Raises InputError as `plain_rows` does.
     """
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    numbers = [f"{figure}{end}" for figure in figures for end in ("", "_low", "_high")]
     who = (
-        "protocol",
-        "condition",
-        "estimator",
-        "method",
-        "budget_option",
-        "budget",
-        "seeds",
-        "trials",
-        "readings",
-    )
-    writer.writerow([*who, *numbers])
+        "protocol", "condition", "estimator", "method", "budget_option", "budget", "seeds", "trials", "readings",
+    )  # fmt: skip
+    numbers = [f"{figure}{end}" for figure in figures for end in ("", "_low", "_high")]
+    rows = []
     for one in pools:
         found = [figure_of(one, figure) for figure in figures]
-        writer.writerow(
+        rows.append(
             [
-                one.protocol, one.task, one.runs[0].estimator, one.method, *(one.budget or ("", "", ""))[::2],
-                " ".join(str(run.seed) for run in one.runs), len(one.trials.truth), one.runs[0].readings,
+                one.protocol, one.task, one.run.estimator, one.method, *(one.budget or ("", "", ""))[::2],
+                one.seeds, len(one.trials.truth), one.readings,
                 *(part for figure in found for part in (figure.value, figure.low, figure.high)),
             ]
         )  # fmt: skip
-    return stream.getvalue()
+    return csv_text([*who, *numbers], rows)

@@ -181,19 +181,14 @@ def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
     ]
     assert [len(chunk.tasks) for chunk in three[0]] == [20, 20, 10]
     assert [task.truth for chunk in three[0] for task in chunk.tasks] == ["I"] * 25 + ["O"] * 25
-    waiting = sweep.Waiting(chunk for of_run in three for chunk in of_run)
-    first, second = waiting.take(), waiting.take()
-    assert (first.run, second.run) == ("a", "b")
-    taken = [first, second, waiting.take("b"), waiting.take("b"), waiting.take("b")]
-    assert [chunk.run for chunk in taken] == ["a", "b", "b", "b", "c"]
-    assert (
-        waiting.take("b").run == "a"
-    )  # all runs have begun: the one with most chunks left, or the first of them
-    while waiting:
-        taken.append(waiting.take("c"))
-    assert [chunk.run for chunk in taken[5:]] == ["c", "c", "a"]
+    waiting, begun, taken = [chunk for of_run in three for chunk in of_run], set(), []
+    for fitted in (None, None, "b", "b", "b", "b", "c", "c", "c"):
+        taken.append(sweep.take(waiting, fitted, begun))
+        begun.add(taken[-1].run)
+    # A worker goes on with its run, or begins another, or helps with the first that is left.
+    assert [chunk.run for chunk in taken] == ["a", "b", "b", "b", "c", "a", "c", "c", "a"]
     with pytest.raises(IndexError):
-        waiting.take()
+        sweep.take(waiting, None, begun)
 
 
 @pytest.mark.long
