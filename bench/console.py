@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,7 +13,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.core.errors import InputError, printable
+from tactsim.core.errors import printable
 
 _UNBOUNDED = 10_000  # characters of a line, more than any table needs
 
@@ -79,13 +79,3 @@ def kept_clear(wanted: bool) -> Iterator[None]:
         sys.stdout.flush()
         os.dup2(output, 1)
         os.close(output)
-
-
-def exit_status(command: str, work: Callable[[], None]) -> int:
-    """Do the work of a command that has no verb in `bench`; a user's mistake is one line on standard error and 2."""
-    try:
-        work()
-    except InputError as error:
-        print(f"{command}: {error}", file=sys.stderr)
-        return 2
-    return 0

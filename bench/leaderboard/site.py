@@ -26,6 +26,7 @@ from tactsim.core.files import KeptBeside, new_folder, write_bytes, write_text
 
 Key = TypeVar("Key")
 _ASSETS = "leaderboard/assets/"
+_SCRIPTS = ("report/assets/sorting.js", f"{_ASSETS}tables.js")
 _STYLES = ("report/assets/page.css", f"{_ASSETS}leaderboard.css")
 _MARK = "made-by-bench-leaderboard.txt"  # a folder with this file may be replaced
 _LEAD = (
@@ -88,7 +89,7 @@ def _write(folder: Folder, inside: Path) -> None:
 
     def page(name: str, template: str, title: str, lead: str, **context: Any) -> None:
         text = render(
-            f"{_ASSETS}{template}.html", scripts=[f"{_ASSETS}tables.js"], styles=_STYLES, title=title, lead=lead,
+            f"{_ASSETS}{template}.html", scripts=_SCRIPTS, styles=_STYLES, title=title, lead=lead,
             home="../" if "/" in name else "", version=version("tactsim"), words=figure_words, drawings=drawings,
             pages=pages, links=links, files=files, **context,
         )  # fmt: skip

@@ -15,19 +15,19 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 def outline(
     label: str, scan: Scan, maps: Mapping[str, OccupancyMap], shape_files: Sequence[Path] = ()
-) -> tuple[list[FloatArray], str]:
-    """Find an object's contours, (k, 2) mm each, in its own frame, and say where they come from.
+) -> list[FloatArray]:
+    """Find an object's contours, (k, 2) mm each, in its own frame; none if nobody knows them.
 
     A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file. The outline of
     anything else is where its learned map says that occupied and empty are equally likely.
     """
     if "options" in scan.meta and label in models.names():
-        return [np.asarray(contour) for contour in models.letter(label).contours], "as pressed"
+        return [np.asarray(contour) for contour in models.letter(label).contours]
     for path in shape_files:
         if path.stem == label:
-            return [np.asarray(contour) for contour in models.shape(path).contours], "as pressed"
+            return [np.asarray(contour) for contour in models.shape(path).contours]
     if label not in maps:
-        return [], "unknown"
+        return []
     from contourpy import contour_generator
 
     chart = maps[label]
@@ -37,7 +37,7 @@ def outline(
         chart.origin[1] + chart.cell * np.arange(rows),
         chart.log_odds,
     ).lines(0.0)
-    return [np.asarray(line) for line in lines if len(line) > 8], "as learned"
+    return [np.asarray(line) for line in lines if len(line) > 8]
 
 
 def taxel_size(scan: Scan) -> list[float]:

@@ -28,7 +28,7 @@ from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
 _ASSETS = "report/assets/"
-_SCRIPTS = ("base.js", "charts.js", "tables.js", "recognition.js", "main.js")
+_SCRIPTS = ("base.js", "charts.js", "sorting.js", "tables.js", "recognition.js", "main.js")
 
 
 class Arrays:
@@ -164,7 +164,6 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "folder": str(entry.folder),
         "method": methods.index(entry.method),
         "budget": entry.budget.text if entry.budget else None,
-        "budgetOption": entry.budget.option if entry.budget else None,
         "description": run.about["description"],
         "letters": run.about["letters"],
         "trials": len(trials.truth),
@@ -188,7 +187,6 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         ],
         "allRightFrom": summary["all_right_from"],
         "settled95": summary["settled_95"],
-        "settled50": summary["settled_50"],
         "msPerReading": _short(1e3 * float(trials.seconds.mean())),
         "evaluations": _short(float(trials.evaluations.mean())) if trials.evaluations.any() else None,
         "confusion": {
@@ -239,8 +237,8 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 
 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
-    contours, origin = outline(label, of.scan, of.maps, of.entry.run.shape_files)
-    return {"origin": origin, "contours": [arrays.add(contour, "f4") for contour in contours]}
+    contours = outline(label, of.scan, of.maps, of.entry.run.shape_files)
+    return {"contours": [arrays.add(contour, "f4") for contour in contours]}
 
 
 def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:

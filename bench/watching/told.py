@@ -50,7 +50,7 @@ class Told:
     ) -> None:
         self.leading, self.truth, self.from_behind = leading, truth, from_behind
         self.letters = leading.recogniser.letters
-        self.outlines = {label: outline(label, train, maps)[0] for label in self.letters}
+        self.outlines = {label: outline(label, train, maps) for label in self.letters}
         self._of: dict[str, Properties] = properties(train)
         self.pad, self._places = source.pad, taxels_of(source)
 

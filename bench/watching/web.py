@@ -93,7 +93,6 @@ def event_of(reader: PadReader, view: PadView) -> dict[str, Any]:
         "state": view.state,
         "trouble": view.trouble,
         "sent": round(time.monotonic(), 3),
-        "since": None if view.since is None else round(view.since, 2),
         "readings": view.readings,
         "rate": round(view.rate, 1),
         "force": round(view.force, 3) + 0.0,
@@ -218,7 +217,6 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "fromBehind": from_behind,
         "binSeconds": BIN_S,
         "historySeconds": HISTORY_S,
-        "touchKpa": reader.device.touch_kpa,
         **about,
     }
     return render(

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import tomli_w
+from page_blocks import exit_status
 
-from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard import best_known
 from tactsim.bench.leaderboard.best_known import Best
 from tactsim.bench.leaderboard.standings import Standings, read_folder

@@ -9,10 +9,10 @@ The first says what is asked for:
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tactsim.bench.console import exit_status
 from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.files import write_text
@@ -50,6 +50,16 @@ def fill_page(page: Path, fill: Callable[[str], str]) -> None:
     except InputError as error:
         raise InputError(f"{page}: {error}") from error
     write_text(page, filled)
+
+
+def exit_status(command: str, work: Callable[[], None]) -> int:
+    """Do the work of a tool; a user's mistake is one line on standard error and 2."""
+    try:
+        work()
+    except InputError as error:
+        print(f"{command}: {error}", file=sys.stderr)
+        return 2
+    return 0
 
 
 def fill_one(command: str, words: Sequence[str], fill: Callable[[str], str]) -> int:

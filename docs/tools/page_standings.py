@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from page_blocks import fill_blocks, fill_page
+from page_blocks import exit_status, fill_blocks, fill_page
 
-from tactsim.bench.console import exit_status
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
 from tactsim.bench.paper import Printed

@@ -19,9 +19,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from page_blocks import fill_blocks, fill_page
+from page_blocks import exit_status, fill_blocks, fill_page
 
-from tactsim.bench.console import exit_status
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.report.collect import find
 from tactsim.bench.results import Run, load

@@ -14,7 +14,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tactsim.bench.console import exit_status
+from page_blocks import exit_status
+
 from tactsim.bench.leaderboard.bundle import Bundle, read_bundle, record_path
 from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit

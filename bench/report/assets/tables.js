@@ -42,43 +42,20 @@ function headlineTable(task) {
     { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading), best: Math.min },
     { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => run.evaluations === null ? MISSING : plain(run.evaluations), best: Math.min },
   ];
-  const body = h("tbody");
-  const heads = columns.map((column, i) => {
-    const button = h("button", { type: "button", class: "sort", click: () => sort(i) }, column.heading);
-    return h("th", { scope: "col", "aria-sort": "none" }, button);
+  const best = columns.map((column) => {
+    const values = task.runs.map(column.value).filter((value) => typeof value === "number");
+    return column.best && task.runs.length > 1 && values.length ? column.best(...values) : undefined;
   });
-  let sorted = -1, falling = false;
-
-  function fill(runs) {
-    const best = columns.map((column) => {
-      const values = task.runs.map(column.value).filter((value) => typeof value === "number");
-      return column.best && task.runs.length > 1 && values.length ? column.best(...values) : undefined;
-    });
-    body.replaceChildren(
-      ...runs.map((run) =>
-        h("tr", {}, columns.map((column, i) => {
-          const cell = h(i ? "td" : "th", i ? {} : { scope: "row" }, column.cell(run));
-          if (best[i] !== undefined && column.value(run) === best[i]) cell.classList.add("best");
-          return cell;
-        })),
-      ),
-    );
-  }
-  function sort(i) {
-    falling = sorted === i && !falling;
-    sorted = i;
-    heads.forEach((head, j) => head.setAttribute("aria-sort", j === i ? (falling ? "descending" : "ascending") : "none"));
-    const runs = [...task.runs].sort((a, b) => {
-      const [p, q] = [a, b].map(columns[i].value);
-      if (p === q) return 0;
-      if (p === null || p === undefined) return 1; // no result comes last either way
-      if (q === null || q === undefined) return -1;
-      return (p < q ? -1 : 1) * (falling ? -1 : 1);
-    });
-    fill(runs);
-  }
-  fill(task.runs);
-  return scrolling("Headline figures of every run", h("table", { class: "wide" }, h("thead", {}, h("tr", {}, heads)), body));
+  const rows = task.runs.map((run) =>
+    h("tr", {}, columns.map((column, i) => {
+      const value = column.value(run);
+      const cell = h(i ? "td" : "th", { "data-value": value, class: i ? "number" : null, scope: i ? null : "row" }, column.cell(run));
+      if (best[i] !== undefined && value === best[i]) cell.classList.add("best");
+      return cell;
+    })));
+  const table = h("table", { class: "wide" }, heads(columns.map((column) => column.heading)), h("tbody", {}, rows));
+  sortable(table);
+  return scrolling("Headline figures of every run", table);
 }
 
 const MEASURES = {
