@@ -74,7 +74,7 @@ def compare(base: Run, new: Run) -> list[Difference]:
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = [each[:, reading - 1] for each in right]
         rows.append(
-            Difference(f"accuracy @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
+            Difference(f"right @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
         )
     for name, share in (("all right from", 1.0), ("settled 95", 0.95)):
         rows.append(Difference(name, settled_by(right[0], share), settled_by(right[1], share)))

@@ -144,6 +144,11 @@ def estimator_of(config: Config) -> Estimator:
         in_space = load(config.estimator).in_space
         others = [other for other in names() if other != usual and load(other).in_space == in_space]
         others = [other for other in others if name in load(other).options_type.model_fields]
+        if not {"bins", "particles"} & load(config.estimator).options_type.model_fields.keys():
+            raise InputError(
+                f"--{name} (in Python {name}): estimator {config.estimator} has no budget; leave it out, or take one "
+                f"of {', '.join([usual, *others])}"
+            )
         raise InputError(
             f"--{name} (in Python {name}): estimator {config.estimator} has none; add --estimator {usual}, or one of "
             f"{', '.join(others)}"

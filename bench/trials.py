@@ -305,7 +305,8 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
                 here = ", but for others" if len(scan.where(split)) else ""
                 raise InputError(
                     f"the scan has no {split} readings of letter {letter!r}{here}; record them (`bench record --split "
-                    f"{split}`), or take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
+                    f"{split}`), name them when you import (`bench import --split`, or the column split of a CSV), or "
+                    "take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
                 )
         test = scan.where("test", letter)
         if poses_unknown(scan) and readings > (most := int(_counted_presses(test)[1].max())):

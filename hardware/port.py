@@ -31,7 +31,10 @@ class Port:
                 url, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, exclusive=True
             )
         except (OSError, ValueError) as error:  # SerialException is an OSError
-            raise SourceError(f"cannot open {url}: {_reason(error)}") from error
+            reason = _reason(error)
+            if len(url) == 1:  # a letter, as `bench live` recognises them
+                reason += f"; did you mean simulated:{url}?"
+            raise SourceError(f"cannot open {url}: {reason}") from error
         try:
             self.fileno: int | None = self._serial.fileno()
         except (OSError, AttributeError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import select
 import sys
 import traceback
@@ -16,7 +17,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import Abort, TyperException
 
 from tactsim.bench.cli import INTERRUPTED, end_interrupted
-from tactsim.core.errors import InputError, printable, short, was_interrupt
+from tactsim.core.errors import InputError, printable, short, unknown, was_interrupt
 
 FAILED, WRONG_INPUT = 1, 2
 
@@ -29,7 +30,7 @@ VERBS = {
     "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
     "table": "Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled.",
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5.",
-    "import": "Make a scan of what `bench export` wrote, bit for bit, or of arrays in a .npz or .mat file.",
+    "import": "Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of presses in a CSV.",
     "data": "List public recordings of real pads, or `get` one: download, check and import it as a scan.",
     "align": "Find how presses lie of which nobody noted the poses, by laying those of each object over each other.",
     "fit": "Choose what depends on a pad's unit, pitch and response from training readings alone, and say why.",
@@ -210,6 +211,8 @@ def _in_plain_words(error: TyperException) -> str:
         fault = error.__cause__.errors()[0]
         given = "" if fault["type"] == "number" else f", got {short(fault['input'])}"  # which `number` says
         error.message = f"{plain(fault)}{given}"
+        if choices := fault["msg"].partition(" is not one of ")[2]:  # as Typer says of a choice
+            error.message = str(unknown("word", fault["input"], re.findall("'(.*?)'", choices)))
     return error.format_message()
 
 

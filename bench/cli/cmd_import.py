@@ -48,7 +48,7 @@ def command(
     zero: shared.Zero = "auto",
     idle: shared.IdleFile = None,
 ) -> None:
-    """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of a table of presses (.csv)."""
+    """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of presses in a CSV."""
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays

@@ -13,7 +13,9 @@ from tactsim.bench.cli import shared_options as shared
 def command(
     source: Annotated[
         str,
-        typer.Argument(metavar="FILE.toml|SUITE", help="A sweep file, or quick, paper, pareto, robustness."),
+        typer.Argument(
+            metavar="FILE.toml|SUITE", help="A sweep file, or a suite; `bench list suites` names them."
+        ),
     ],
     jobs: Annotated[int | None, typer.Option(min=1, help="Local processes. Default: one a core.")] = None,
     dask: Annotated[

@@ -35,7 +35,7 @@ from tactsim.bench.score import (
 )
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
-from tactsim.core.errors import unknown
+from tactsim.core.errors import short, unknown
 from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
@@ -306,6 +306,8 @@ def figure_of(one: Pooled, figure: str) -> Figure:
         if not 1 <= reading <= readings:
             raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
         return CURVES[name](one, reading - 1)
+    if name in _METRICS:
+        raise InputError(f"unknown figure {short(figure)}: did you mean '{_METRICS[name]}@{at or 5}'?")
     raise unknown(
         "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
     )
@@ -374,6 +376,8 @@ READINGS: dict[str, Callable[[Pooled], Figure]] = {
     "settled_50": lambda one: one.settled(0.5),
     "all_right_from": Pooled.all_right_from,
 }
+# What a run's metrics are called here.
+_METRICS = {"accuracy": "right", "error_mm": "error", "bound_mm": "bound", "error_over_bound": "efficiency"}
 HEADINGS = {
     "right": "right after {}",
     "error": "error after {}, mm",

@@ -69,14 +69,19 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
     assert '"remarks":[]' in page
 
 
-@pytest.mark.parametrize("words", ["--particles 100", "--estimator nearest --particles 100"])
-def test_particles_of_an_estimator_without_any_are_refused_with_one_that_has_them(here, words):
-    refused(
-        here("run", *words.split()),
-        "--particles",
-        "has none; add --estimator particle, or one of augmented-mcl",
-    )
-    refused(here("run", "--estimator", "particle", "--bins", "10"), "add --estimator histogram")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("--particles 100", "has none; add --estimator particle, or one of augmented-mcl"),
+        ("--estimator particle --bins 10", "has none; add --estimator histogram"),
+        (
+            "--estimator nearest --particles 100",
+            "nearest has no budget; leave it out, or take one of particle, aug",
+        ),
+    ],
+)
+def test_a_budget_that_an_estimator_does_not_have_is_refused_with_those_that_have_it(here, words, says):
+    refused(here("run", *words.split()), says)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 
 import pytest
+from command_line import refused
 from made_up import make_run
 from test_pooled import of_labels, with_seed
 
@@ -65,6 +66,18 @@ def test_latex_sets_the_table(tmp_path):
         "\\documentclass{article}\\usepackage{booktabs}\\begin{document}\n" + table + "\\end{document}\n"
     )
     assert subprocess.run(["pdflatex", "-halt-on-error", "a.tex"], cwd=tmp_path, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--figure", "accuracy@2"], "unknown figure 'accuracy@2': did you mean 'right@2'?"),
+        (["--figure", "error_mm"], "did you mean 'error@5'?"),
+        (["--to", "tex"], "'--to': unknown word 'tex': did you mean 'latex'? known are csv, latex, markdown"),
+    ],
+)
+def test_a_word_that_is_nearly_right_is_named(runs, here, words, says):
+    refused(here("table", runs.small, *words), says)
 
 
 def test_a_figure_that_does_not_exist_is_refused_in_every_format():

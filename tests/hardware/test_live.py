@@ -159,6 +159,7 @@ def test_a_port_opened_twice_is_refused(pty):
     ("url", "message"),
     [
         ("/dev/nothing-here", "there is no such port; `bench devices` lists them"),
+        ("A", "cannot open A: there is no such port.*did you mean simulated:A?"),
         ("socket://127.0.0.1:1", "cannot open socket://127.0.0.1:1.*refused"),
         ("nonsense://x", "cannot open nonsense://x"),
         ("socket://", "cannot open socket://"),

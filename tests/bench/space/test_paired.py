@@ -27,7 +27,7 @@ def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
     base = make_space_run(n=10, r=4)
     cut = {name: values[:, :2] for name, values in vars(base.trials).items() if values.ndim > 1}
     rows = compare(base, replace(base, trials=replace(base.trials, **cut)))
-    assert {row.name for row in rows} >= {"accuracy @1", "accuracy @2"}
+    assert {row.name for row in rows} >= {"right @1", "right @2"}
     assert all(row.base == row.new for row in rows if row.name.startswith("accuracy"))
 
 
