@@ -39,7 +39,7 @@ def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> byt
             colour, marker = look(one.number, scheme)
             if error.low is not None and error.high is not None:
                 axes.plot([ms, ms], [max(error.low, 1e-9), error.high], color=colour, lw=0.9)
-            axes.plot([ms], [value], ls="", marker=marker, ms=7, color=colour, label=_short(one.label))
+            axes.plot([ms], [value], ls="", marker=marker, ms=7, color=colour, label=shortened(one.label))
         first = frontier([ms for _, ms, _, _ in points], [value for *_, value in points])
         corners = sorted((ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best)
         axes.plot(*zip(*corners, strict=True), color="#999999", lw=7, alpha=0.3, solid_capstyle="round", zorder=0,
@@ -59,7 +59,8 @@ def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> byt
         return as_bytes(figure, kind, dpi=160)
 
 
-def _short(label: str, most: int = 34) -> str:
+def shortened(label: str, most: int = 34) -> str:
+    """Cut a label that is too long for a legend."""
     return label if len(label) <= most else f"{label[: most - 1]}…"
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import quote
 
-from tactsim.bench.leaderboard import drawings, figure_words
+from tactsim.bench.leaderboard import drawings, figure_words, solved
 from tactsim.bench.leaderboard.bundle import record_path
 from tactsim.bench.leaderboard.ranking import LEVEL
 from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
@@ -109,6 +109,14 @@ def _write(folder: Folder, inside: Path) -> None:
     for method, entries in entered.items():
         lead = counted(len(entries), "bundle")
         page(links[method], "method", method, lead, entries=entries, command=command, facts=_facts)
+    known = [of for of in folder.standings if of.known and of.ranked]
+    if known:
+        charts = [("All tasks", None, known), *((of.task, of, [of]) for of in known)]
+        page(
+            "all/solved.html", "solved", "Targets solved", "Which share of all targets a method reaches, and how soon.",
+            charts=[(name, of, _shown_solved(group)) for name, of, group in charts], targets=solved.TARGETS,
+            count=len(known),
+        )  # fmt: skip
     page("index.html", "index", "tactsim leaderboard", _LEAD, folder=folder, entered=entered, offered=tables)
     write_text(inside / _MARK, "A static site, made by `bench leaderboard`, which may replace this folder.\n")
 
@@ -122,12 +130,18 @@ def _pictures(of: Standings, stem: Path) -> tuple[dict[str, str], dict[str, str]
         if content is not None:
             write_bytes(stem.with_name(f"{stem.name}.{kind}"), content)
             offered[f"Run time against error, as {kind.upper()}"] = f"pictures/{stem.name}.{kind}"
-    shown = {
-        scheme: f"data:image/svg+xml;base64,{base64.b64encode(content).decode()}"
-        for scheme, content in drawn.items()
-        if content is not None
-    }
-    return shown, offered
+    return {scheme: _address(content) for scheme, content in drawn.items() if content is not None}, offered
+
+
+def _shown_solved(standings: Sequence[Standings]) -> dict[str, str]:
+    """Draw what has been solved of these tasks, for the page by its light."""
+    lines = solved.solved(standings)
+    return {scheme: _address(solved.picture(lines, scheme)) for scheme in ("light", "dark")}
+
+
+def _address(svg: bytes) -> str:
+    """Write a picture as an address that a page can name."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
 
 
 def command(one: Entrant) -> str:
