@@ -237,6 +237,7 @@ class BinnedBelief:
         size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)
         return pose_samples(self._grid.states(flat), Weights(log_p), size)
 
+    @property
     def listed(self) -> tuple[NDArray[np.int64], FloatArray]:
         """List the bins that `update` was asked for: flat indices into (letters, angles, y, x), and log-beliefs."""
         return bins_from(self._belief, len(self._field), self._least, 0, len(self._field.labels))
@@ -245,7 +246,7 @@ class BinnedBelief:
         """Give the best bin, and how far below it the bins that were left alone are at least."""
         waits = self._belief.seen != len(self._field)
         others = float(self._bounds()[waits].max(initial=-math.inf))
-        flat, log_p = self.listed()
+        flat, log_p = self.listed
         best = flat[log_p.argmax()]
         letter = int(best // self._grid.bins)
         return Certificate(

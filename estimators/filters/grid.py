@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,14 @@ class StateGrid:
         rest, column = np.divmod(flat, self.x)
         rest, row = np.divmod(rest, self.y)
         return np.stack([x[column], y[row], angle[rest % self.angle]])
+
+    def reaching(self, reach: float, usual: float, most: int) -> StateGrid:
+        """Give a grid for x and y in [-reach, reach] mm, with bins as wide as this one's are for `usual` mm.
+
+        Nearer than that, it has as many bins. most: bins that a letter may have; with more they are wider.
+        """
+        farther = min(max(1.0, reach / usual), max(1.0, math.sqrt(most / self.bins)))
+        return replace(self, x=int(self.x * farther), y=int(self.y * farther), reach=reach)
 
     def describe(self) -> str:
         """Say the split in one line."""

@@ -48,6 +48,8 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
 
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
+# Bins of all letters, up to which they grow in number with the reach: of objects of 100 mm, 40 pictures.
+_MOST_BINS = 16_000_000
 
 
 class MapFilter(Estimator):
@@ -453,7 +455,8 @@ class GridFilter(MapFilter):
 
     def __init__(self, options: FilterOptions, bins: int, split: str | None) -> None:
         super().__init__(options)
-        self.grid = state_grid(bins, split, reach_of(options.reach))
+        self.grid = self._as_asked = state_grid(bins, split, reach_of(options.reach))
+        self._grows = split is None
         if split is not None:
             self.budget = "split"
 
@@ -467,4 +470,7 @@ class GridFilter(MapFilter):
 
     def _reach_to(self, reach: float) -> None:
         super()._reach_to(reach)
-        self.grid = replace(self.grid, reach=reach)
+        if self._grows:
+            self.grid = self._as_asked.reaching(reach, self._reach_near, _MOST_BINS // len(self.labels))
+        else:
+            self.grid = replace(self.grid, reach=reach)

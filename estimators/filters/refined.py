@@ -13,7 +13,7 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import Certificate
+from tactsim.estimators.filters.binned import BinnedBelief, Certificate
 from tactsim.estimators.filters.cells import Cells, History, Limits, bins_of, blank_halved, held, refine
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
@@ -37,6 +37,8 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
+# Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
+_MANY_BINS, _BEST_BINS = 1_000_000, 100_000
 
 
 class RefinedOptions(OpenSetOptions):
@@ -74,6 +76,8 @@ class RefinedFilter(GridFilter):
     than chance explains, letters are told apart only by differences that are large beside u: their probabilities are
     taken to the power 1 / (1 + u) (temperature scaling: Guo et al. 2017). Label and place do not change by it.
 
+    Of more than a million bins, as large objects need whose place is unknown, the best 100,000 hold the belief.
+
     The belief is what the leaves hold: a cell's likelihood is that of its middle, times its volume. So a
     cell that was split is worth the mean of its parts.
     """
@@ -96,7 +100,12 @@ class RefinedFilter(GridFilter):
         )
 
     def _fit(self) -> None:
-        self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
+        many = len(self.labels) * self.grid.bins > _MANY_BINS and self.likelihood.loads == 1
+        self._coarse: CoarseBins | BinnedBelief
+        if many:
+            self._coarse = BinnedBelief(self.field, self.grid, skip=self.options.skip)
+        else:
+            self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
         self._bins = bins_of(self.grid)
         self._limits = Limits(
             self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH, self.options.skip
@@ -120,7 +129,10 @@ class RefinedFilter(GridFilter):
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
         weight = self.trust(len(self.field))
-        bins, left_alone = self._coarse.update(_NEGLIGIBLE / weight, keep=self.options.cells)
+        if isinstance(self._coarse, BinnedBelief):
+            bins, left_alone = self._coarse.update(0.0, keep=max(_BEST_BINS, self.options.cells))
+        else:
+            bins, left_alone = self._coarse.update(_NEGLIGIBLE / weight, keep=self.options.cells)
         self._left_alone += left_alone
         self._bounds += bins + left_alone if self.options.skip else 0
         cell, log_p = self._coarse.listed

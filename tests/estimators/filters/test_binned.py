@@ -276,7 +276,7 @@ def test_the_best_bins_are_those_of_all_bins(other_model, split, keep, within):
             if keep >= len(highest):
                 least = -np.inf
             for belief in beliefs:
-                flat, log_p = belief.listed()
+                flat, log_p = belief.listed
                 assert np.array_equal(log_p, everything[flat])  # to the bit
                 assert (np.diff(flat) > 0).all()
                 assert np.array_equal(flat, np.flatnonzero(everything >= least - 1e-6))
@@ -302,7 +302,7 @@ def test_several_readings_may_be_new_at_once(other_model):
             continue
         taken_in = lazy.update(2.0, 30)
         assert sum(taken_in) == sum(full.update(2.0, 30))
-        for part, whole in zip(lazy.listed(), full.listed(), strict=True):
+        for part, whole in zip(lazy.listed, full.listed, strict=True):
             assert np.array_equal(part, whole)
         assert (full.log_belief() <= lazy.upper_bounds()).all()
 
@@ -315,5 +315,5 @@ def test_a_place_that_is_nowhere_is_off_the_map(other_model, reach):
     belief = BinnedBelief(field, grid, skip=True)
     field.append(made.evidence(scan.readings[0]), np.array([reach, 0.0, 0.0]))
     belief.update(1.0, 1)
-    flat, _ = belief.listed()
+    flat, _ = belief.listed
     assert len(flat) <= grid.bins * 3

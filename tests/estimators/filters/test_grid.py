@@ -54,6 +54,27 @@ def test_bins_cover_the_space_in_equal_parts(x, y, angle, reach):
         assert np.diff(centres) == pytest.approx(spacing)
 
 
+@given(st.integers(1, 30), st.integers(1, 30), st.floats(1, 50), st.floats(1, 20))
+def test_bins_of_a_grid_that_reaches_farther_are_more_and_not_wider(x, y, usual, times):
+    grid = StateGrid(x, y, 5, usual)
+    far = grid.reaching(times * usual, usual, 10**9)
+    assert far.reach == times * usual
+    assert far.angle == 5
+    for axis, count in enumerate((x, y)):
+        assert far.spacing[axis] >= grid.spacing[axis] * (1 - 1e-9)  # as many as whole bins fit in
+        assert (2 * far.reach / grid.spacing[axis] - (far.x, far.y)[axis]) < 1 + 1e-6 * count
+    assert grid.reaching(usual, usual, 10**9) == grid
+    assert grid.reaching(usual / 2, usual, 10**9) == StateGrid(x, y, 5, usual / 2)
+
+
+@given(st.floats(1, 100), st.integers(1, 10**6))
+def test_a_grid_that_reaches_farther_has_at_most_so_many_bins(times, most):
+    grid = StateGrid(12, 12, 34)
+    far = grid.reaching(10 * times, 10.0, most)
+    assert grid.bins <= far.bins <= max(most, grid.bins)
+    assert far.x == far.y
+
+
 @pytest.mark.parametrize("split", ["16x20x36", "16,20,36", " 16 x 20 x 36 "])
 def test_an_explicit_split_is_taken(split):
     grid = state_grid(10_000, split)

@@ -53,6 +53,45 @@ def middles(estimator, halvings):
     return np.stack(np.meshgrid(angle, y, x, indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1]
 
 
+def test_the_best_of_a_million_bins_are_those_of_the_whole_grid(small):
+    split = "110x110x30"
+    estimator = fitted(small, split=split, halvings=0)
+    whole = estimators.create("histogram", split=split, skip=False, likelihood="calibrated")
+    whole.fit(small)
+    readings, poses, _ = draw_trial(small, "I", 3, np.random.default_rng(1))
+    for one in (estimator, whole):
+        updated(one, readings, poses)
+    log_p = whole.log_belief().ravel()
+    best = np.flatnonzero(log_p >= np.partition(log_p, -50)[-50])
+    belief = estimator.weighted_states()
+    heaviest = np.sort(np.argsort(-belief.weights.log, kind="stable")[: len(best)])
+    assert np.array_equal(belief.letter[heaviest], best // whole.grid.bins)
+    assert np.allclose(belief.state[:, heaviest], whole.grid.states(best))
+    spread = np.sort(belief.weights.log)[::-1][: len(best)]
+    assert np.allclose(
+        spread / (spread[-1] or 1),
+        (np.sort(log_p[best])[::-1] - log_p.max()) / (log_p[best].min() - log_p.max()),
+    )
+    assert estimator.certificate().lead > 0
+    assert estimator.estimate().label == "I"
+
+
+def test_bins_are_as_wide_where_a_far_robot_may_be_anywhere_on_a_large_object(small):
+    large = Scan(
+        small.readings, small.poses * [8, 8, 1], small.labels, small.split, small.taxel_xy, dict(small.meta)
+    )
+    estimator = fitted(large, bins=200)
+    near = estimator.grid
+    updated(estimator, large.readings[:1], large.poses[:1])
+    assert estimator.grid == near
+    updated(estimator, large.readings[:1], large.poses[:1] + [1000, 0, 0])
+    assert estimator.grid.reach > 3 * near.reach
+    assert estimator.grid.spacing[0] == pytest.approx(near.spacing[0], rel=0.1)
+    assert fitted(large, split="5x5x4").grid.bins == 100
+    updated(estimator, large.readings[:1], large.poses[:1])
+    assert estimator.grid == near
+
+
 @pytest.mark.parametrize("halvings", [1, 2])
 def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halvings):
     scan = make_scan("EI", poses=COARSE)

@@ -56,6 +56,14 @@ def test_loads_are_told_by_the_stated_shares(scan, both):
     assert not loads_of(whole).any()  # one load, whichever
 
 
+def test_presses_that_were_laid_over_each_other_have_one_load(scan):
+    train = scan.where("train")
+    twice = replace(train, readings=train.readings * np.where(np.arange(len(train)) % 2, 1.0, 0.5)[:, None],
+                    poses=np.repeat(train.poses[::2], 2, axis=0)[: len(train)])  # fmt: skip
+    assert loads_of(twice).any()
+    assert not loads_of(replace(twice, meta={**twice.meta, "aligned": {}})).any()
+
+
 def test_without_stated_shares_loads_are_told_by_what_was_felt_at_each_pose():
     poses, shares = np.repeat([[0.0, 0, 0], [5.0, 0, 1]], 8, axis=0), np.tile(SHARES, 8)
     felt = np.repeat([10.0, 300.0], 8) * shares  # at one pose the object is hardly touched
