@@ -27,7 +27,7 @@ VERBS = {
     "run": "Press the letters, learn their maps, recognise them in random places and score every reading.",
     "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
     "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
-    "report": "Write one HTML page that opens without a network, and beside it every curve as CSV.",
+    "report": "Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG.",
     "table": "Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled.",
     "export": "Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5.",
     "import": "Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of presses in a CSV.",

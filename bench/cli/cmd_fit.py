@@ -83,18 +83,25 @@ def command(
         return
     facts, console = found.facts(), plain_console()
     console.print(
-        f"pad       its pitch is {facts['length_ratio']:.3g} of the paper's: lengths in mm follow\n"
-        f"readings  a covered taxel reads {typical:.4g} {unit} (median); thresholds follow"
+        f"pad       its pitch is {facts['length_ratio']:.3g} times the paper's; lengths in mm are scaled by that\n"
+        f"readings  a covered taxel reads {typical:.4g} {unit} (median); thresholds are scaled by that"
     )
     for name, value in facts["chosen"].items():
         console.print(f"{name:<9} {value:.4g}  ({_WHAT[name]})")
     before, after = facts["information_default"], facts["information_chosen"]
     console.print(
-        f"why       what maps say of a taxel whose position was left out: {before:.3f} nats with the defaults in "
-        f"pitches and shares, {after:.3f} as chosen"
+        f"why       tested on a position left out, maps tell {after:.3f} nats of whether a taxel is covered as "
+        f"chosen, {before:.3f} with the scaled defaults; more is better"
     )
-    straight_line = "straight" if exponent == 1 else f"reading^{exponent:g} is straight in pressure"
-    console.print(f"response  {straight_line}: mosaics say {bent:.3f} nats, {straight:.3f} without it")
+    if exponent == 1:
+        console.print(
+            f"response  readings are proportional to pressure: mosaics tell {straight:.3f} nats of them"
+        )
+    else:
+        console.print(
+            f"response  reading^{exponent:g} is proportional to pressure: mosaics tell {bent:.3f} nats of left-out "
+            f"readings raised so, {straight:.3f} of readings as they are"
+        )
     if out is not None:
         console.print(f"world     {out}, for `bench scan --world`")
 

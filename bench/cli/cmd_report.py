@@ -24,7 +24,7 @@ def command(
         ),
     ] = False,
 ) -> None:
-    """Write one HTML page that opens without a network, and beside it every curve as CSV."""
+    """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
     from tactsim.bench.places import RESULTS, check_new_file, check_page
     from tactsim.bench.report.collect import check_folder
     from tactsim.bench.report.write import write_report

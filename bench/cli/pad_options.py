@@ -84,4 +84,6 @@ def rounded(value: float, digits: int, sign: str = "") -> str:
 
 def counters_line(counters: dict[str, int]) -> str:
     """List the counters that are not zero."""
-    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counters.items() if count)
+    from tactsim.core.counters import counter_words
+
+    return ", ".join(f"{counter_words(name)} {count:,}" for name, count in counters.items() if count)

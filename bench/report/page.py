@@ -28,6 +28,14 @@ from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
 _ASSETS = "report/assets/"
+# What the names of protocols say, in the words of a heading.
+_WORDS = {
+    "test poses same": "tested at the poses of training",
+    "test poses random": "tested at random poses",
+    "test poses given": "tested at given poses",
+    "test poses from a file": "tested on readings of a file",
+    ", random order": ", touches in random order",
+}
 _SCRIPTS = ("base.js", "charts.js", "sorting.js", "tables.js", "recognition.js", "main.js")
 
 
@@ -100,6 +108,7 @@ def _protocol(
                     shown[label] = _outline(one, label, arrays)
     return {
         "name": name,
+        "title": _title(name),
         "methods": methods,
         "tasks": [_task(group, methods, arrays) for group in groups],
         "replayedTask": next((g.task for g in groups if mine and mine[0].entry in g.entries), None),
@@ -108,6 +117,13 @@ def _protocol(
         "maps": _maps(mine, arrays),
         "press": next((_press(one) for one in mine if one.scan.sequence is not None), None),
     }
+
+
+def _title(protocol: str) -> str:
+    """Say in words what the name of a protocol means, for a heading."""
+    for name, words in _WORDS.items():
+        protocol = protocol.replace(name, words)
+    return protocol[0].upper() + protocol[1:]
 
 
 def _press(of: Replayed) -> dict[str, str]:

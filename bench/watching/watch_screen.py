@@ -13,6 +13,7 @@ from rich.text import Text
 from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.pad.keyboard import keys
 from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.core.counters import counter_words
 from tactsim.core.errors import printable
 from tactsim.hardware.terminal_pictures import scale_bar, tactile_image
 
@@ -94,9 +95,7 @@ def counters_shown(counters: dict[str, int]) -> str:
     """List what went wrong between device and reading, the counters that are not zero."""
     plain = ("bytes", "frames", "readings")
     told = [
-        f"{name.replace('_', ' ')} {count:,}"
-        for name, count in counters.items()
-        if count and name not in plain
+        f"{counter_words(name)} {count:,}" for name, count in counters.items() if count and name not in plain
     ]
     return ", ".join(told[:_MOST_COUNTERS]) + (" ..." if len(told) > _MOST_COUNTERS else "")
 

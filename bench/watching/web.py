@@ -23,6 +23,7 @@ import numpy as np
 
 from tactsim.bench.pages import render
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
+from tactsim.core.counters import Counters, counter_words
 from tactsim.core.errors import InputError, printable
 
 HOST = "127.0.0.1"
@@ -217,6 +218,7 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "fromBehind": from_behind,
         "binSeconds": BIN_S,
         "historySeconds": HISTORY_S,
+        "counterWords": {name: counter_words(name) for name in Counters().as_dict()},
         **about,
     }
     return render(

@@ -1,4 +1,7 @@
-"""Fill pages from the source: a page's line `<!-- from the source: NAME -->` becomes what NAME below writes."""
+"""Fill pages from the source: a page's line `<!-- from the source: NAME -->` becomes what NAME below writes.
+
+The line after it, which says to a reader of a clone where to look instead, goes.
+"""
 
 import re
 from collections.abc import Callable, Iterator
@@ -9,7 +12,7 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
-MARK = re.compile(r"^<!-- from the source: ([\w ]+) -->$", re.M)
+MARK = re.compile(r"^<!-- from the source: ([\w ]+) -->\n.+$", re.M)
 
 LISTED = re.compile(r"<list\[(\w+)\]>")  # how typer writes an option that may be repeated
 

@@ -4,6 +4,20 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+# What people are shown where a counter's name says too little.
+_WORDS = {
+    "torn": "frames that changed while they were read",
+    "impossible": "frames with impossible values",
+    "stale": "answers made of old bytes",
+    "strays": "answers that nobody asked for",
+    "unpaired": "frames without those of the other parts",
+}
+
+
+def counter_words(name: str) -> str:
+    """Say what a counter counts."""
+    return _WORDS.get(name, name.replace("_", " "))
+
 
 @dataclass
 class Counters:

@@ -132,6 +132,10 @@ def test_two_protocols_share_no_section(report):
     labels = [[run["folder"] for task in of["tasks"] for run in task["runs"]] for of in data["protocols"]]
     assert [len(one) for one in labels] == [2, 1]
     assert [of["name"].split(",")[0] for of in data["protocols"]] == ["test poses same", "test poses random"]
+    assert [of["title"] for of in data["protocols"]] == [
+        "Tested at the poses of training, touches in random order",
+        "Tested at random poses, touches in random order",
+    ]
     for name in ("readings", "pareto", "confusion"):
         for row in rows_of(report.with_name(f"{name}.csv")):
             assert ("off-grid" in row["folder"]) == ("random," in row["protocol"])

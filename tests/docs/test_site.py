@@ -63,6 +63,7 @@ def test_the_site_is_built_and_asks_for_nothing_from_a_network(tmp_path):
         loaded += re.findall(r"<link[^>]* href=\"([^\"]*)\"[^>]*>", text)
         assert not [url for url in loaded if re.match(r"(?:https?:)?//", url)], page
         assert "from the source:" not in text, page
+        assert "In a clone these lines" not in text, page
     for sheet in (tmp_path / "site").rglob("*.css"):
         assert not re.search(r"url\(['\"]?(?:https?:)?//|@import", sheet.read_text(encoding="utf-8")), sheet
     # Of intervals in tables both ends stay on one line, and hyphens of what is typed are as they are.

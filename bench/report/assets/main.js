@@ -109,7 +109,7 @@ function paperSection(task) {
   });
   return section("Beside what the paper prints", scrolling("The paper's figures and those found here",
     h("table", { class: "values" }, heads(titles), h("tbody", {}, rows))),
-    h("p", { class: "hint" }, "The paper pressed real letters by hand against a real pad; here both are simulated. It states what it reaches, not with which intervals."));
+    h("p", { class: "hint" }, "The paper pressed real letters by hand against a real pad; here both are simulated. The paper gives its results without intervals."));
 }
 
 // Uncertainty and its calibration: regions of the pose, and the letter's probability. Methods without
@@ -237,7 +237,7 @@ function protocolSection(protocol) {
   const trials = protocol.recognitions.length > 0;
   const of = many && protocol.replayedTask !== null ? ` (condition: ${protocol.replayedTask})` : "";
   return h("section", { class: "protocol", "aria-label": protocol.name },
-    h("h2", {}, protocol.name[0].toUpperCase() + protocol.name.slice(1)), about,
+    h("h2", {}, protocol.title), about,
     many && section("Conditions", conditionsTable(protocol)),
     pick && h("div", { class: "controls" }, pick.field),
     content,

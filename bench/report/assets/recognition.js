@@ -272,7 +272,7 @@ function recognitionView(protocol) {
       h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,
-        h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out; shading is the square root of the share of the peak. Cross: true. Ring: estimate.")),
+        h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out. The stronger the colour, the more probable; drawn is the square root of the probability, so that faint places are seen, too. Cross: true. Ring: estimate.")),
     ),
   ];
 }

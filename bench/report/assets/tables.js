@@ -138,6 +138,6 @@ function mapSet(set) {
   return [
     h("p", { class: "hint" }, `Learned by ${set.runs.join("; ")}.`),
     h("div", { class: "maps" }, canvases),
-    h("div", { class: "legend-bar" }, "−", bar, "+", h("span", {}, "log-odds less the prior's, each map to its own largest: below 0 free, 0 not touched, above 0 occupied")),
+    h("div", { class: "legend-bar" }, "−", bar, "+", h("span", {}, "log-odds of occupancy, the prior taken off: minus is free, the middle was not touched, plus is occupied. Each map has a scale of its own, up to its largest value.")),
   ];
 }

@@ -175,7 +175,7 @@ function drawHistory() {
 const WRONG = new Set(["garbage_bytes", "bad_checksums", "missed", "torn", "impossible", "stale", "strays", "timeouts", "unpaired", "clock_restarts", "reconnects"]);
 function drawCounters(event) {
   find("counters").replaceChildren(...Object.entries(event.counters).map(([name, count]) =>
-    h("div", { class: WRONG.has(name) && count ? "wrong" : null }, h("dt", {}, name.replaceAll("_", " ")), h("dd", {}, count.toLocaleString("en-US")))));
+    h("div", { class: WRONG.has(name) && count ? "wrong" : null }, h("dt", {}, data.counterWords[name]), h("dd", {}, count.toLocaleString("en-US")))));
 }
 
 // A number with so many decimals; what rounds to nothing has no minus.
