@@ -128,13 +128,23 @@ def command(
 
 
 def _print_shapes(config: RunConfig, console: Console) -> None:
-    """Say how large the user's own shapes are as read, before they are pressed: a wrong unit shows at once."""
+    """Draw the user's own shapes as read, before they are pressed: a wrong unit or a lost hole shows at once."""
+    import numpy as np
+
     from tactsim import models
+    from tactsim.press.clip import covers
 
     for letter in (models.shape(path, rounding=config.scan_options.rounding) for path in config.shapes):
         left, low, right, high = letter.footprint.bounds()
         size = f"{right - left:.1f} x {high - low:.1f} mm, {letter.area:.0f} mm^2"
         console.print(f"{letter.name} as read: {size}, {counted(len(letter.contours), 'outline')}")
+        cell = max(right - left, high - low) / 32  # mm; a character is twice as high as wide
+        x = np.arange(left + cell / 2, right, cell)
+        rows = max(1, round((high - low) / (2 * cell)))
+        y = high - (np.arange(rows) + 0.5) * (high - low) / rows
+        inside = covers(letter.contours, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        for row in inside.reshape(len(y), len(x)):
+            console.print("  " + "".join("#" if here else " " for here in row).rstrip(), markup=False)
 
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:

@@ -58,7 +58,9 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
     )
     words = ["--estimator", "histogram", *SMALL, "--letters", "E", "--shape", "bar.svg", "--out", "own"]
     ran = here("run", *words)
-    assert "bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline" in ran.stderr
+    said = ran.stderr.splitlines()
+    first = said.index("bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline")
+    assert said[first + 1 : first + 5] == ["  " + 32 * "#"] * 4, "5 mm at 1.25 mm a line"
     assert "bar: " in ran.stdout
     assert "right after 4\n" in ran.stdout
     assert (tmp_path / "own" / "shapes.png").read_bytes().startswith(b"\x89PNG")
