@@ -27,13 +27,3 @@ def test_a_clock_that_restarts_follows_the_host():
     assert again - first == pytest.approx(2.5)
     assert clock.restarts == 1
     assert clock.seconds(1020, 12.6) - again == pytest.approx(0.1)
-
-
-def test_frames_of_one_chunk_keep_their_distance():
-    clock = DeviceClock(1e-3, 1 << 16)
-    assert np.allclose(np.diff([clock.seconds(ticks, 3.0) for ticks in (10, 20, 30)]), 0.01)
-
-
-def test_a_clock_without_wrap_is_only_scaled():
-    clock = DeviceClock(1e-3, None)
-    assert [clock.seconds(ticks, 0.0) for ticks in (0.0, 12.5, 1e9)] == pytest.approx([0.0, 0.0125, 1e6])

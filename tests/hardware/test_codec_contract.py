@@ -4,15 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from tactsim.core.counters import Counters
 from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import CodecError
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator import emulate
-from tactsim.hardware.framing import Framer
 from tactsim.hardware.stream import Stream
 
 every_codec = pytest.mark.parametrize("kind", registry.names())
@@ -57,11 +53,6 @@ def conversation(kind):
     return said, readings
 
 
-def packets(kind, chunks):
-    framer = Framer(device_of(kind).build_codec(), Counters())
-    return [str(one.packet) for chunk in chunks for one in framer.feed(chunk, 0.0)], framer
-
-
 @every_codec
 def test_a_device_file_of_it_reads_back_as_it_was_written(kind):
     device = device_of(kind)
@@ -83,32 +74,3 @@ def test_the_pressures_on_an_emulated_device_are_read(kind):
         # Some moment explains all taxels, up to the step of a number that is written in text.
         assert np.abs(possible - reading.pressures).max(axis=1).min() < 0.02
     assert (np.diff([reading.pressures[0] for reading in readings]) >= 0).all()
-
-
-@every_codec
-@settings(max_examples=15)
-@given(st.lists(st.integers(0, 60), max_size=40))
-def test_any_chunking_gives_the_same_packets(kind, lengths):
-    said = b"".join(conversation(kind)[0])[:3000]
-    chunks, at = [], 0
-    for length in lengths:
-        chunks.append(said[at : at + length])
-        at += length
-    assert packets(kind, [*chunks, said[at:]])[0] == packets(kind, [said])[0]
-
-
-@every_codec
-@settings(max_examples=15)
-@given(st.lists(st.binary(max_size=100), max_size=10), st.integers(0, 200))
-def test_no_bytes_raise_an_error_and_none_are_kept_for_ever(kind, garbage, cut):
-    said = b"".join(conversation(kind)[0])
-    _, framer = packets(kind, [said[cut : cut + 150], *garbage, said[:150]])
-    assert len(framer) < device_of(kind).build_codec().longest
-
-
-@every_codec
-def test_after_a_lost_beginning_the_rest_is_read(kind):
-    said = b"".join(conversation(kind)[0])
-    whole, cut = packets(kind, [said])[0], packets(kind, [said[len(said) // 3 :]])[0]
-    assert cut
-    assert cut == whole[-len(cut) :]

@@ -9,7 +9,7 @@ from tactsim.core import InputError
 from tactsim.core.plug_ins import plug_ins
 from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat
-from tactsim.hardware.device import Device, built_in_devices, load_device
+from tactsim.hardware.device import Device, load_device
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import Replay
@@ -72,10 +72,6 @@ def test_every_built_in_codec_can_be_loaded_and_says_what_it_is():
         assert issubclass(registry.load(kind), CodecFormat)
     assert {row.name for row in registry.listing()} >= set(registry.BUILT_IN)
     assert [row.name for row in registry.listing() if not row.summary] == []
-
-
-def test_every_device_file_names_a_codec_that_is_built_in():
-    assert {load_device(name).codec.kind for name in built_in_devices()} >= {"fields", "singletact", "csv"}
 
 
 def test_an_installed_codec_is_listed_and_reads_a_port(knocking, tmp_path):

@@ -208,19 +208,6 @@ def test_a_fuzzed_codec_raises_nothing_and_keeps_little(make, data):
     assert counters.bytes == sum(map(len, data))
 
 
-@every_codec
-@settings(max_examples=50)
-@given(flips=st.lists(st.tuples(st.integers(0, 10_000), st.integers(1, 255)), max_size=10))
-def test_a_fuzzed_stream_raises_nothing(make, flips):
-    form, messages = make(8, np.random.default_rng(2))
-    stream = bytearray(b"".join(messages))
-    for at, change in flips:
-        stream[at % len(stream)] ^= change
-    packets, _, framer = read(form, [bytes(stream)])
-    assert len(packets) <= 8 + len(flips)
-    assert len(framer) < form.longest
-
-
 def test_a_codec_that_waits_for_ever_is_named():
     class Stuck(Codec):
         longest = 4

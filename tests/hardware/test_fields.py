@@ -128,23 +128,6 @@ def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
     assert (again.address, again.index, again.ticks) == (7, 70_000, 123_456)
 
 
-def test_without_checksum_and_footer_a_frame_counts_only_if_a_header_follows():
-    form = codec([HEADER, {"is": "taxels", "count": 2, "bits": 8}])
-    frame = bytes.fromhex("AA 55 01 02")
-    assert form.decode(frame) == (0, None)
-    assert form.decode(frame + b"\xaa")[0] == 0
-    used, decoded = form.decode(frame + frame)
-    assert used == 4
-    assert decoded.values.tolist() == [1, 2]
-    # a header inside of garbage does not swallow the frame behind it
-    assert form.decode(bytes.fromhex("AA 55 99 AA 55 01 02 AA 55"))[1] is None
-
-
-def test_a_device_that_is_asked_needs_nothing_behind_its_frame():
-    form = codec([HEADER, {"is": "taxels", "count": 2, "bits": 8}], request="3F")
-    assert form.decode(bytes.fromhex("AA 55 01 02"))[0] == 4
-
-
 def test_counts_become_pressures_and_back():
     form = small_device().codec.build()
     assert form.to_kpa(np.array([100.0, 102.0])).tolist() == [0.0, 1.0]
@@ -205,14 +188,6 @@ def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message
         from tactsim.core.checking import checked
 
         checked(FieldsFormat, {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}, "x")
-
-
-@pytest.mark.parametrize("spoiled", range(20))
-def test_a_changed_byte_never_makes_another_frame(spoiled):
-    form = small_device().codec.build()
-    message = bytearray(form.encode(Frame(np.arange(6.0) * 600, index=5, ticks=9)))
-    message[spoiled] ^= 0x10
-    assert form.decode(message)[1] is None
 
 
 def test_a_checksum_may_have_an_order_of_bytes_of_its_own():

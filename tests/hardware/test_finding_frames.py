@@ -146,12 +146,6 @@ def test_a_mark_that_always_stands_in_the_values_hides_no_frame_and_one_lost_byt
     assert len(seen) >= 17 - 4
 
 
-def test_the_remains_of_an_answer_are_not_joined_with_the_next_answer():
-    form = described([HEADER, TAXELS], request="3F").codec.build()
-    first, second = (form.encode(Frame(np.full(6, value))) for value in (1.0, 2.0))
-    assert read(form, first[:9] + second) == [(2.0,) * 6]
-
-
 def test_an_answer_that_ends_with_the_next_ones_first_byte_is_none():
     """A byte of the answer was lost, so the question was asked again; all but one byte of the header came till then."""
     form = described([HEADER, TAXELS], request="3F").codec.build()
@@ -249,44 +243,6 @@ def test_packets_with_the_same_counter_are_of_two_frames_if_time_lies_between_th
     assert stream.received(0, late[form.size :], 2.57) == []
     assert [reading.pressures[0] for reading in stream.received(0, late + b"\xaa\x55", 2.6)] == [2.0]
     assert stream.counters.torn == 1
-
-
-def test_packets_of_several_devices_on_a_line_may_alternate():
-    layout = [*PACKETS[:1], {"is": "address"}, *PACKETS[1:]]
-    parts = [{"address": at, "taxels": [6 * at + k for k in range(6)]} for at in range(2)]
-    device = small_device(
-        codec={"layout": layout, "zero": 0, "kpa_per_count": 1.0},
-        pad={"rows": 2, "columns": 6, "no_seam": True},
-        part=parts,
-    )
-    form = device.codec.build()
-    by_part = [form.encode(Frame(np.full(6, 3.0 + at), at, index=9)) for at in range(2)]
-    mixed = b"".join(
-        part[at : at + form.size] for at in range(0, 3 * form.size, form.size) for part in by_part
-    )
-    (reading,) = Stream(device).received(0, mixed, 0.0)
-    assert reading.pressures.tolist() == [3.0] * 6 + [4.0] * 6
-
-
-def test_parts_whose_frames_come_in_packets_are_joined_by_their_counter():
-    layout = [*PACKETS[:1], {"is": "address"}, *PACKETS[1:]]
-    parts = [{"address": at, "taxels": [6 * at + k for k in range(6)]} for at in range(2)]
-    with pytest.raises(ValueError, match="joined by their counter: leave out pair_within_s"):
-        small_device(
-            codec={"layout": layout},
-            pad={"rows": 2, "columns": 6, "no_seam": True},
-            part=parts,
-            pair_within_s=0.1,
-        )
-
-
-def test_two_boards_that_print_lines_count_each_for_itself():
-    content = lines(before=["index"]).as_json()
-    content["pad"]["rows"] = 2
-    content["part"] = [{"port": at, "taxels": [6 * at + k for k in range(6)]} for at in range(2)]
-    with pytest.raises(ValueError, match="state pair_within_s"):
-        Device.model_validate(content)
-    assert Device.model_validate(content | {"pair_within_s": 0.005}).ports == 2
 
 
 @settings(max_examples=25)

@@ -7,7 +7,6 @@ from made_pads import small_device
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.core.source import Source
-from tactsim.hardware.following import Follower
 from tactsim.hardware.scans import Interval, scan_of_intervals
 
 PATTERN = np.array([0.0, 5.0, 20.0, 40.0, 30.0, 10.0])
@@ -110,13 +109,6 @@ def test_moments_are_taken_where_there_is_a_rise_and_else_the_mean_of_the_mark_s
     assert scan_of_intervals(Played(steep), sudden, "found").digest == plain.digest
 
 
-def test_without_moments_a_press_is_the_mean_of_its_mark():
-    images, length = recording()
-    made = scan_of_intervals(Played(images), marks(4, length))
-    assert len(made) == 4
-    assert "moments" not in made.meta
-
-
 def test_taxels_that_are_stuck_or_always_loaded_while_idle_are_left_out():
     images, length = recording()
     images[:, 1] = 7.5
@@ -137,22 +129,6 @@ def test_a_whole_pad_keeps_all_its_taxels():
     held[:, 1] = 7.5
     whole = scan_of_intervals(Played(held), marks(1, 0, 0, len(held) - 1))
     assert "left_out" not in whole.meta
-
-
-def test_a_pad_that_is_stuck_as_a_whole_is_refused():
-    follower = Follower([(50, 59)])
-    for k in range(100):
-        follower.take(k, np.array([1.0, 2.0]))
-    follower.end()
-    with pytest.raises(InputError, match="every taxel of the recording is stuck"):
-        follower.wrong_taxels(np.array([[1.0, 2.0]]))
-
-
-def test_a_taxel_that_is_always_loaded_is_found():
-    loaded = Follower([(50, 59)])
-    for k in range(100):
-        loaded.take(k, np.array([0.0, 0.0, 9.0, 0.01 * (k % 3)]))
-    assert list(loaded.wrong_taxels(np.array([[10.0, 5.0, 9.0, 0.0]]))[0]) == [2]
 
 
 def test_a_recording_without_plateau_or_rise_is_refused_in_one_line():

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
 import pytest
-from made_pads import csv_device, ramp, serving, singletact, small_device
+from made_pads import ramp, serving, singletact, small_device
 
 from tactsim.core import InputError
 from tactsim.core.source import NoReading, SourceError
@@ -61,15 +61,6 @@ def test_readings_come_in_order_and_none_is_lost(paper_pad, emulated_pad, on):
     assert (np.diff(hosts) >= 0).all()
 
 
-def test_a_pad_of_several_singletact_arrays_is_read(tmp_path):
-    parts = [{"address": 5, "taxels": list(range(25))}, {"address": 6, "taxels": list(range(25, 50))}]
-    device = singletact(taxels=25, parts=parts)
-    with serving(emulate(device, ramp(device), rate=20.0)) as url, LiveSource([url], device) as source:
-        readings = [source.read() for _ in range(10)]
-    assert all(reading.pressures.shape == (50,) for reading in readings)
-    assert np.allclose(np.diff(readings[-1].pressures), 1.0, atol=0.2)
-
-
 def test_silence_ends_in_an_error(pty):
     with LiveSource([pty[1]], small_device()) as source:
         in_time(source, 0.2, "not one byte came. Is the device on")
@@ -96,27 +87,6 @@ def test_bytes_that_trickle_in_do_not_move_the_deadline(pty):
         finally:
             stop.set()
             thread.join()
-
-
-def test_half_a_frame_is_no_reading_until_its_rest_comes(pty):
-    device = small_device()
-    whole = message(device, 1)
-    with LiveSource([pty[1]], device) as source:
-        os.write(pty[0], whole[:11])
-        in_time(source, 0.1, "no whole frame")
-        os.write(pty[0], whole[11:])
-        assert source.read(1.0).index == 1
-
-
-def test_garbage_before_in_and_after_frames_is_skipped(pty):
-    device = small_device()
-    noise = np.random.default_rng(1)
-    with LiveSource([pty[1]], device) as source:
-        spoiled = message(device, 2)[:9] + b"\xff\xff" + message(device, 2)[9:]
-        os.write(pty[0], noise.bytes(50) + message(device, 1) + spoiled + message(device, 3) + b"\xaa\x55")
-        assert [source.read(1.0).index for _ in range(2)] == [1, 3]
-        assert source.counters.missed == 1
-        assert source.counters.resyncs == 2
 
 
 def test_a_flood_of_garbage_is_neither_kept_nor_waited_for(pty):
@@ -222,11 +192,6 @@ def test_the_name_that_another_emulated_pad_took_over_stays_its_own(emulated_pad
     assert not link.is_symlink()
 
 
-def test_a_name_that_cannot_be_made_is_refused(emulated_pad, tmp_path):
-    with pytest.raises(InputError, match=r"cannot make the link .*missing/pad: No such file or directory"):
-        serve_pty(emulated_pad, Faults(), np.random.default_rng(0), link=tmp_path / "missing" / "pad")
-
-
 def test_while_an_emulated_pad_is_unplugged_its_name_is_gone(emulated_pad, tmp_path):
     # The system may give the pty's name to any other program, which whoever has the link would then open.
     link, gone = tmp_path / "pad", 0
@@ -282,13 +247,6 @@ def test_a_sensor_that_hangs_is_named():
         in_time(source, 0.3, "the same frame again and again")
 
 
-def test_a_missing_part_is_named():
-    both = singletact(taxels=2, parts=[{"address": 5, "taxels": [0, 1]}, {"address": 6, "taxels": [2, 3]}])
-    emulated = EmulatedSingleTact(both, ramp(both), rate=50.0, silent=frozenset({6}))
-    with serving(emulated) as url, LiveSource([url], both) as source:
-        in_time(source, 0.6, "its sensor does not|nothing from the part at address 6")
-
-
 def test_the_time_a_device_takes_to_start_is_not_held_against_it(pty):
     device = small_device(settle=0.5)
     thread = threading.Timer(0.7, lambda: os.write(pty[0], message(device, 2)))
@@ -296,11 +254,6 @@ def test_the_time_a_device_takes_to_start_is_not_held_against_it(pty):
         os.write(pty[0], message(device, 1))  # a board that restarts says things that mean nothing
         thread.start()
         assert source.read(0.4).index == 2
-
-
-def test_the_number_of_ports_must_fit(paper_pad):
-    with pytest.raises(SourceError, match="has 1 ports; 2 were given"):
-        LiveSource(["a", "b"], paper_pad)
 
 
 def test_a_device_that_must_be_told_to_speak_is_told_after_every_reconnection(tmp_path):
@@ -326,17 +279,6 @@ def test_a_device_that_answers_is_asked_for_every_frame():
         readings = [source.read() for _ in range(50)]
     assert source.counters.timeouts == 0
     assert len({reading.index for reading in readings}) == 50
-
-
-def test_lines_are_read_live():
-    device = csv_device()
-    with (
-        serving(emulate(device, ramp(device), rate=100.0), on="tcp") as url,
-        LiveSource([url], device) as source,
-    ):
-        readings = [source.read() for _ in range(20)]
-    assert np.allclose(np.diff([reading.device_time for reading in readings]), 0.01)
-    assert np.allclose(readings[5].pressures, ramp(device)(readings[5].device_time), atol=1e-6)
 
 
 def crooked(device, index):
@@ -466,3 +408,13 @@ def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
         while not source.counters.reconnects:
             reading = source.read()
     assert reading.after_loss
+
+
+def test_a_name_that_cannot_be_made_is_refused(emulated_pad, tmp_path):
+    with pytest.raises(InputError, match=r"cannot make the link .*missing/pad: No such file or directory"):
+        serve_pty(emulated_pad, Faults(), np.random.default_rng(0), link=tmp_path / "missing" / "pad")
+
+
+def test_the_number_of_ports_must_fit(paper_pad):
+    with pytest.raises(SourceError, match="has 1 ports; 2 were given"):
+        LiveSource(["a", "b"], paper_pad)

@@ -195,18 +195,6 @@ def test_a_late_answer_may_be_as_old_as_the_first_question():
     assert stream.received(1, says(device, 1, 2), 1.28) == []
 
 
-def test_one_lost_frame_costs_one_reading():
-    device = pad_of_parts([0, 0], [INDEX])
-    stream, readings = Stream(device), []
-    for moment in range(1000):
-        for part in range(2):
-            if (moment, part) != (400, 1):
-                readings += stream.received(0, says(device, part, moment), moment * PERIOD)
-    assert len(readings) == 999
-    assert all(len(set(reading.pressures)) == 1 for reading in readings)
-    assert (stream.counters.missed, stream.counters.unpaired) == (1, 1)
-
-
 def test_a_counter_that_comes_round_again_pairs_with_nothing_old():
     """One part says 7 and both are silent until the other's counter has come round to 7 again."""
     device = pad_of_parts([0, 0], [INDEX])
@@ -306,10 +294,3 @@ def test_parts_without_a_counter_that_lasts_need_a_stated_time(index):
         pad_of_parts([0, 1], index)
     assert pad_of_parts([0, 1], index, pair_within_s=0.02).ports == 2
     assert small_device(codec={"layout": [LAYOUT[0], TAXELS]}).ports == 1
-
-
-def test_several_singletact_sensors_need_a_stated_time():
-    parts = [{"address": 5, "taxels": [0]}, {"address": 6, "taxels": [1]}]
-    content = singletact(1, parts).as_json() | {"pair_within_s": None}
-    with pytest.raises(ValueError, match=r"the pad has 2 parts.*state pair_within_s"):
-        Device.model_validate(content)

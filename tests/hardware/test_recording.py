@@ -1,10 +1,5 @@
 import gzip
-import os
-import signal
 import struct
-import subprocess
-import sys
-import time
 import zlib
 
 import numpy as np
@@ -48,25 +43,6 @@ def same(one, other):
         other.device_time,
         other.index,
     )
-
-
-def test_records_come_back_as_they_were_written(tmp_path):
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.segment({"device": 1}, 0.5)
-        recorder.received(3, b"\x00\xff", 1.25)
-        recorder.sent(0, b"?", 1.5)
-        recorder.lost(1, 1.75)
-        recorder.reading(Reading(np.array([1.5, -2.0]), 2.0, None, 7))
-        recorder.mark({"number": 1}, 3.0)
-        recorder.end({"frames": 4}, 4.0)
-    reader = RecordReader(tmp_path / "a")
-    records = list(reader)
-    assert [record.kind for record in records] == [1, 2, 3, 4, 7, 5, 6]
-    assert (records[1].link, records[1].payload, records[1].time) == (3, b"\x00\xff", 1.25)
-    assert same(records[4].reading(), Reading(np.array([1.5, -2.0]), 2.0, None, 7))
-    assert records[6].json() == {"counters": {"frames": 4}}
-    assert reader.whole.finished
-    assert reader.whole.fault is None
 
 
 def test_the_file_is_what_the_documentation_says(tmp_path):
@@ -192,26 +168,6 @@ def test_a_recording_keeps_the_axes_that_are_not_read(tmp_path):
         pressures(device(0, True, rows=2))
 
 
-def test_bytes_of_a_device_that_has_no_codec_are_refused_in_one_line(tmp_path):
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.segment({"device": {"name": "x"}}, 0.0)
-        recorder.received(0, b"abc", 0.1)
-    with pytest.raises(InputError, match=r"bytes of a device that has no \[codec\]"):
-        list(Replay(tmp_path / "a"))
-
-
-@pytest.mark.parametrize(
-    "payload",
-    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": ""}}'],
-)
-def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.write(Kind.SEGMENT, 0, 0.0, payload)
-    with pytest.raises(InputError) as error:
-        Replay(tmp_path / "a")
-    assert "\n" not in str(error.value)
-
-
 def test_hostile_records_are_refused(tmp_path):
     device = small_device()
     for name, spoil in {
@@ -228,13 +184,6 @@ def test_hostile_records_are_refused(tmp_path):
             spoil(recorder)
         with pytest.raises(SourceError, match=str(tmp_path / name)):
             list(Replay(tmp_path / name))
-
-
-def test_a_recording_without_a_beginning_is_refused(tmp_path):
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.received(0, b"", 0.0)
-    with pytest.raises(InputError, match="without a beginning"):
-        Replay(tmp_path / "a")
 
 
 def test_an_existing_file_is_not_overwritten(tmp_path):
@@ -259,37 +208,6 @@ def test_going_on_with_a_recording_drops_its_torn_end_only(tmp_path):
     assert len(after) == len(before) + 6
     assert replay.segments == 2
     assert replay.whole.finished
-
-
-def test_a_killed_recorder_leaves_a_readable_unfinished_file(tmp_path, paper_pad, emulated_pad):
-    program = """
-import sys
-from tactsim.hardware.device import load_device
-from tactsim.hardware.live import LiveSource
-from tactsim.hardware.recording import Recorder
-device = load_device("emulated")
-recorder = Recorder(sys.argv[2])
-recorder.segment({"device": device.as_json()}, 0.0)
-with LiveSource([sys.argv[1]], device, recorder) as source:
-    while True:
-        source.read()
-"""
-    path = tmp_path / "a"
-    with serving(emulated_pad) as url:
-        process = subprocess.Popen([sys.executable, "-c", program, url, str(path)])
-        try:
-            until = time.monotonic() + 20
-            while time.monotonic() < until and not (path.exists() and path.stat().st_size > 20_000):
-                time.sleep(0.02)
-            os.kill(process.pid, signal.SIGKILL)
-        finally:
-            process.kill()
-            process.wait(10)
-    replay = Replay(path)
-    readings = list(replay)
-    assert len(readings) > 50
-    assert [reading.index for reading in readings] == list(range(readings[0].index, readings[-1].index + 1))
-    assert not replay.whole.finished
 
 
 def test_the_vendors_csv_is_a_recording_too(tmp_path):
@@ -322,13 +240,6 @@ def test_lines_of_a_csv_that_are_damaged_are_left_out(tmp_path):
     source = CsvReplay(tmp_path / "a.csv", csv_device(2))
     assert [reading.pressures.tolist() for reading in source] == [[1, 2], [5, 6]]
     assert source.counters.resyncs == 2
-
-
-def test_marks_are_json_objects(tmp_path):
-    small_recording(tmp_path / "a", small_device())
-    notes = []
-    list(Replay(tmp_path / "a", on_note=lambda kind, content, readings: notes.append((kind, readings))))
-    assert notes == [(Kind.SEGMENT, 0), (Kind.MARK, 21), (Kind.END, 21)]
 
 
 @pytest.mark.parametrize(

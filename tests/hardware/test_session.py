@@ -13,7 +13,7 @@ from tactsim.hardware.emulator.hand import Follower, Pressing, by_the_clock
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import read_session, scan_of_sessions
-from tactsim.hardware.session import Phase, Plan, Press, Session, next_press
+from tactsim.hardware.session import Phase, Plan, Press, Session
 
 POSES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (0.0, 2.0, 1.0), (1.0, 1.0, 0.0))
 
@@ -60,39 +60,6 @@ class Hand:
             self.number += 1
             taken += [press] if press else []
         return taken
-
-
-def test_a_session_goes_through_all_presses(pad):
-    session = Session(plan(), pad)
-    taken = Hand(session, table()).steps(400)
-    assert [press.number for press in taken] == [0, 1, 2, 3]
-    assert all((press.what, press.count) == ("taken", 6) for press in taken)
-    assert session.phase is Phase.DONE
-    assert np.abs(session.image - table()[3]).max() < 0.5
-
-
-def test_only_a_steady_press_is_taken(pad):
-    session = Session(plan(), pad)
-    hand = Hand(session, table())
-    hand.rows[0] = table()[0]
-    hand.pressing = lambda now: (50 + 60 * np.sin(30 * now)) * np.ones(6)  # comes and goes
-    assert hand.steps(300) == []
-    assert session.current == 0
-
-
-def test_a_press_that_moves_while_it_is_read_is_read_anew(pad):
-    session = Session(plan(frames=40), pad)
-    hand = Hand(session, table())
-    while session.phase is not Phase.TAKING:
-        hand.steps(1)
-    hand.steps(15)
-    harder = 2 * hand.rows[0]
-    hand.pressing = lambda now: harder
-    messages = set()
-    for _ in range(30):
-        assert hand.steps(1) == []
-        messages.add(session.message)
-    assert "it moved; hold it still" in messages
 
 
 def sliding(speed, rate=100.0):
@@ -254,14 +221,6 @@ def test_skip_and_redo(pad):
     assert taken[0].number == 0
 
 
-def test_a_session_that_is_resumed_asks_for_what_is_missing(pad):
-    done = {0: Press(number=0, what="taken", count=6), 2: Press(number=2, what="skipped")}
-    session = Session(plan(), pad, done)
-    assert session.current == 1
-    assert [press.number for press in Hand(session, table()).steps(300)] == [1, 3]
-    assert next_press(session.presses, session.plan) == 4
-
-
 def record(path, pad, script, calibrations=(None,)):
     """Record a session in as many sittings as `calibrations`, stopping each after `script` steps."""
     device = small_device(pad=pad.model_dump())
@@ -334,12 +293,6 @@ def test_a_session_cut_off_in_a_press_loses_that_press_only(tmp_path, pad):
     assert np.abs(scan_of_sessions([path]).readings - table()[: len(done.presses)]).max() < 0.5
 
 
-def test_sessions_of_two_letters_make_one_scan(tmp_path, pad):
-    record(tmp_path / "a", pad, [400])
-    record(tmp_path / "b", pad, [401])  # a copy would be refused
-    assert len(scan_of_sessions([tmp_path / "a", tmp_path / "b"])) == 8
-
-
 def test_a_recording_without_a_plan_is_no_session(tmp_path):
     with Recorder(tmp_path / "a") as recorder:
         recorder.segment({"device": small_device().as_json()}, 0.0)
@@ -379,12 +332,6 @@ def test_an_emulated_hand_follows_the_recording(tmp_path, pad):
             recorder.mark({"number": number, "what": what}, 0.0)
             assert follower(now) is None
             assert np.array_equal(follower(now + 0.5), table()[expected])
-
-
-def test_presses_by_the_clock():
-    wanted = by_the_clock(table(2), hold=1.0, lift=0.5)
-    assert wanted(0.2) is None
-    assert [wanted(t)[0] for t in (0.6, 1.4, 2.1, 3.6)] == [100.0, 100.0, 50.0, 100.0]
 
 
 def test_a_press_grows_and_fades(pad):
@@ -433,6 +380,12 @@ def test_a_session_may_have_enough_before_its_last_pose(pad):
     assert again.number == 2
     assert session.current == 2
     assert session.phase is not Phase.DONE
+
+
+def test_presses_by_the_clock():
+    wanted = by_the_clock(table(2), hold=1.0, lift=0.5)
+    assert wanted(0.2) is None
+    assert [wanted(t)[0] for t in (0.6, 1.4, 2.1, 3.6)] == [100.0, 100.0, 50.0, 100.0]
 
 
 def test_more_than_all_cannot_be_enough():

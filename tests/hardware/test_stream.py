@@ -22,23 +22,6 @@ def test_two_arrays_make_one_pad(paper_pad):
     assert np.allclose([reading.device_time for reading in readings], [0, 0.1, 0.2, 0.3])
 
 
-def test_frames_with_other_counters_are_not_joined(paper_pad):
-    form = paper_pad.codec.build()
-    stream = Stream(paper_pad)
-
-    def say(address, index, value):
-        return stream.received(0, form.encode(Frame(np.full(24, 512.0 + value), address, index, 0)), 0.0)
-
-    assert say(1, 1, 10) == []
-    assert say(1, 2, 20) == []
-    assert say(2, 2, 30)[0].index == 2
-    assert stream.counters.unpaired == 1
-    assert say(2, 3, 30) == []
-    assert say(1, 4, 40) == []
-    (reading,) = say(2, 4, 50)
-    assert np.unique(reading.pressures).tolist() == [28.0, 35.0]
-
-
 def test_frames_of_parts_that_are_not_listed_are_strays(paper_pad):
     stream = Stream(paper_pad)
     form = paper_pad.codec.build()
@@ -145,16 +128,6 @@ def test_two_parts_at_one_place_are_refused():
     half = {"taxels": [0, 1, 2, -1, -1, -1]}
     with pytest.raises(ValueError, match="same port and address"):
         small_device(part=[half, {"taxels": [-1, -1, -1, 3, 4, 5]}])
-
-
-def test_two_ports_make_one_pad():
-    device = small_device(
-        part=[{"port": 0, "taxels": [0, 1, 2, -1, -1, -1]}, {"port": 1, "taxels": [-1, -1, -1, 3, 4, 5]}]
-    )
-    form, stream = device.codec.build(), Stream(device)
-    assert stream.received(1, form.encode(Frame(np.full(6, 102.0), index=1)), 0.0) == []
-    (reading,) = stream.received(0, form.encode(Frame(np.full(6, 104.0), index=1)), 0.1)
-    assert reading.pressures.tolist() == [2.0, 2.0, 2.0, 1.0, 1.0, 1.0]
 
 
 def test_a_device_survives_being_written_down(paper_pad):
