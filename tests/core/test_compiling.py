@@ -2,7 +2,6 @@
 
 import json
 import os
-import pkgutil
 import subprocess
 import sys
 from importlib import import_module
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-import tactsim
 from tactsim.bench.compile_kernels import modules_with_kernels
 
 CALLEE = """
@@ -102,11 +100,6 @@ def test_a_constant_of_an_imported_file_counts_too(ask):
     assert ask(callee=("STEP = 1", "STEP = 7")) == (27, False)
 
 
-def test_the_own_file_counts(ask):
-    assert ask() == (21, False)
-    assert ask(caller=("10 * ", "20 * ")) == (41, False)
-
-
 def test_damaged_files_are_compiled_again(ask, tmp_path):
     ask()
     for content in (b"", b"\0", bytes(64)):
@@ -187,10 +180,3 @@ def origins(module, name):
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and any((one.asname or one.name) == name for one in node.names)
     }
-
-
-def test_every_module_with_kernels_is_compiled_beforehand_but_those_of_solids():
-    names = modules_with_kernels()
-    assert "tactsim.bench.placement_kernels" in names
-    rooms = {module.name for module in pkgutil.iter_modules(tactsim.__path__)}
-    assert {name.split(".")[1] for name in names} <= rooms

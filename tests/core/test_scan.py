@@ -1,6 +1,5 @@
 import io
 import pickle
-import tracemalloc
 import zipfile
 from dataclasses import replace
 from itertools import islice
@@ -194,45 +193,12 @@ def hostile_files(scan, tmp_path):
     return [*files, "huge", "pickled", "missing", "no-json", "list", "short", "not-npy", "nan", "absent"]
 
 
-@pytest.mark.long
-def test_a_size_is_refused_before_memory_is_asked_for(scan, tmp_path):
-    # A GiB of zeros: a MB in the file.
-    scan.save(tmp_path / "good.npz")
-    whole = {name: npy(array) for name, array in np.load(tmp_path / "good.npz").items()}
-    with zipfile.ZipFile(tmp_path / "bomb", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, content in whole.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                member.write(content)
-                for _ in range(1025 if name == "readings" else 0):
-                    member.write(bytes(1 << 20))
-    tracemalloc.start()
-    with pytest.raises(InputError, match="array 'readings' claims 1,07"):
-        Scan.load(tmp_path / "bomb")
-    assert tracemalloc.get_traced_memory()[1] < 1 << 20
-    tracemalloc.stop()
-
-
 def test_a_file_that_is_no_scan_is_refused_in_one_line_that_names_it(scan, tmp_path):
     for name in hostile_files(scan, tmp_path):
         with pytest.raises(InputError) as caught:
             Scan.load(tmp_path / name)
         assert str(tmp_path / name) in str(caught.value)
         assert "\n" not in str(caught.value)
-
-
-def test_any_flipped_byte_gives_the_scan_or_a_refusal(scan, tmp_path):
-    scan.save(tmp_path / "good.npz")
-    good = (tmp_path / "good.npz").read_bytes()
-    rng = np.random.default_rng(1)
-    for place in rng.choice(len(good), size=200, replace=False):
-        damaged = bytearray(good)
-        damaged[place] ^= 1 << rng.integers(8)
-        (tmp_path / "damaged.npz").write_bytes(damaged)
-        try:
-            again = Scan.load(tmp_path / "damaged.npz")
-        except InputError:
-            continue
-        assert np.array_equal(again.readings, scan.readings)
 
 
 def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
@@ -264,10 +230,6 @@ def test_what_the_training_scan_says_of_objects_holds_for_the_test_readings(scan
     recorded = replace(scan, meta={"objects": {"A": {"symmetry": 1}, "E": {"symmetry": 3}}})
     assert train_on(pressed, recorded).meta["objects"] == {"A": {"symmetry": 2}, "E": {"symmetry": 3}}
     assert train_on(recorded, replace(scan, meta={})).meta["objects"] == recorded.meta["objects"]
-
-
-def test_a_scan_shows_itself_in_one_line(scan):
-    assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"
 
 
 @pytest.fixture
@@ -520,3 +482,7 @@ def test_a_batch_holds_trials_as_a_run_draws_them():
 def test_a_batch_that_cannot_be_drawn_is_refused_at_once(scan, trials, readings, says):
     with pytest.raises(InputError, match=says):
         scan.batches(trials, readings, np.random.default_rng(0))
+
+
+def test_a_scan_shows_itself_in_one_line(scan):
+    assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.core.source_digest import git_commit, short_commit, source_digest
+from tactsim.core.source_digest import git_commit, short_commit
 
 
 @pytest.fixture
@@ -61,17 +61,6 @@ def test_a_plug_ins_whole_package_counts_for_what_it_makes(digest_of, tmp_path):
     (tmp_path / "my_touch" / "inner" / "deep.py").write_text("VALUE = 10\n")
     assert digest_of("my_touch.main") != before
     assert digest_of() == others
-
-
-def test_a_module_in_no_package_counts_by_its_file(digest_of, tmp_path):
-    (tmp_path / "alone.py").write_text("VALUE = 1\n")
-    before = digest_of("alone")
-    (tmp_path / "alone.py").write_text("VALUE = 2\n")
-    assert digest_of("alone") != before
-
-
-def test_a_module_without_a_file_counts_by_its_name():
-    assert source_digest("no_such_module_anywhere") != source_digest("nor_this_one")
 
 
 def test_the_commit_is_that_of_the_checkout():
