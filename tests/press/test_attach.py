@@ -68,12 +68,6 @@ def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
     assert largest < 0.01
 
 
-def test_a_standing_cylinder_is_the_closed_form():
-    _, _, reading = rest('type="cylinder" size="0.003 0.004"', x=1, height=4.1)
-    truth = image(PAD, lambda x, y: ((x - 1) ** 2 + y**2 <= 9) * reading.force / (9 * np.pi))
-    assert errors(reading.kpa, truth)[1] < 0.01
-
-
 @pytest.mark.parametrize(
     ("half_x", "half_y", "angle"), [(15, 5, 0.3), (15, 5, 0), (30, 30, 0.3), (2, 2, 0.5), (0.05, 8, 0.5)]
 )
@@ -191,64 +185,6 @@ def test_a_body_that_tumbles_over_a_finger_is_felt_or_outside(kind, size, normal
             assert felt[-1] + reading.outside == pytest.approx(reading.force, rel=1e-9, abs=1e-12)
             assert reading.outside >= -1e-9 * reading.force
     assert np.count_nonzero(felt) > 100
-
-
-def test_a_blade_that_stands_on_its_very_end_is_felt_as_a_point():
-    """No turn centres the pressure where the load is, as the blade ends there."""
-    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody>
-        <geom name="finger" type="capsule" size=".008 .02" quat=".7071067811865476 0 -.7071067811865476 0"/>
-        <body pos="-2.5410732979850083e-05 0.0018263291819031657 .02"
-          quat="-0.04597527954807743 -0.06298545743404521 0.3365835168228612 0.938419225093697"><freejoint/>
-          <geom type="box" size=".0001 .005 .004" mass=".2"/></body></worldbody></mujoco>""")
-    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
-    attached = tactsim.press.attach(spec, "finger", pad, normal=(1, 0, 0), psf_sigma=0)
-    data, reader = mujoco.MjData(model := spec.compile()), attached.bind(model)
-    for _ in range(46):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
-    assert reading.force > 1
-    assert reading.kpa.sum() * 1.9 * 1.9 / 1e3 == pytest.approx(reading.force, rel=1e-9)
-    assert reading.kpa.max() > 0.999 * reading.kpa.sum()
-
-
-def test_faces_of_a_mesh_that_are_far_from_the_pad_are_left_out_and_change_nothing():
-    """A body of 400 corners in a random attitude, half beside the pad."""
-    places = np.random.default_rng(1).normal(size=(400, 3))
-    places *= [0.012, 0.009, 0.006] / np.linalg.norm(places, axis=1)[:, None]
-    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001"/><worldbody>
-        <geom name="finger" type="box" size=".02 .02 .005"/></worldbody></mujoco>""")
-    spec.add_mesh(name="stone", uservert=places.ravel())
-    body = spec.worldbody.add_body(pos=[0.004, 0, 0.02])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="stone", mass=0.2, quat=[0.8, 0.5, 0.3, 0.1])
-    reader = tactsim.press.attach(spec, "finger").bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    few = reader.read(data)
-    ((geoms, body),) = reader._bodies.items()
-    reader._bodies[geoms] = body._replace(balls=np.full_like(body.balls, [0, 0, 0, np.inf]))  # all are near
-    every = reader.read(data)
-    assert len(body.offsets) > 700
-    assert few.kpa.max() > 20
-    np.testing.assert_allclose(few.kpa, every.kpa, atol=1e-9 * every.kpa.max())
-
-
-def test_a_load_beside_the_pad_is_outside_and_unread():
-    _, _, reading = rest('type="sphere" size="0.004"', x=15, height=4)
-    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
-    assert reading.outside == pytest.approx(reading.force)
-    assert not reading.kpa.any()
-
-
-def test_two_bodies_are_felt_as_each_alone():
-    xml = """<body pos="-.003 0 .0095"><joint type="slide" axis="0 0 1"/>
-      <geom type="box" size=".002 .002 .0044" mass=".1"/></body>"""
-    sphere = 'type="sphere" size="0.003"'
-    both = rest(sphere, x=4, height=3, xml=xml)[2]
-    one, other = rest(sphere, x=4, height=3)[2], rest(sphere, x=15, height=3, xml=xml)[2]
-    assert both.contacts == 5
-    np.testing.assert_allclose(both.kpa, one.kpa + other.kpa, atol=1e-3 * both.kpa.max())
 
 
 def world(rotation, shift, kind="cylinder", size=".008 .02"):
@@ -582,13 +518,6 @@ def test_a_mesh_that_is_not_closed_is_its_convex_hull():
     reading = reader.read(data)
     assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
     assert errors(reading.kpa, image(PAD, ball(reading.force, 5, 1, 0)))[1] < 0.01
-
-
-def test_what_is_known_is_named_once():
-    spec = mujoco.MjSpec.from_string("""<mujoco><worldbody><body name="tip"><geom name="tip" size=".01"/></body>
-        </worldbody></mujoco>""")
-    with pytest.raises(InputError, match=r"unknown geom or body 'palm': known are tip, world$"):
-        tactsim.press.attach(spec, "palm")
 
 
 @pytest.mark.filterwarnings("ignore:flex 'cloth' is not rigid")

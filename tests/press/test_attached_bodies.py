@@ -4,12 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from attached_scenes import block, errors, image, letter_geoms, settle, springs, within
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import tactsim
 from tactsim import Pad, models
-from tactsim.press.pad_kernels import unite
 
 PAD = Pad()
 PLATE = [(-3, 0, 3, 4), (3, 0, 3, 4)]  # x, y, half along x, half along y, mm
@@ -47,28 +44,6 @@ def test_boxes_of_one_body_are_one_face(boxes):
     truth, inside = springs(PAD, gap_of(boxes), reading.force)
     assert errors(reading.kpa, truth)[1] < 0.001
     assert reading.outside == pytest.approx(reading.force - inside, abs=5e-4)
-
-
-def test_a_plate_of_two_boxes_reads_the_force_over_its_area_everywhere():
-    """Taxels without gaps and no point spread: those wholly under the plate read F / A."""
-    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
-    _, _, reading = settle("".join(box(*each) for each in PLATE), pad, pose='pos="0 0 1e-5"', psf_sigma=0)
-    x, y = pad.taxel_xy.T
-    covered = (np.abs(x) + 0.95 < 6) & (np.abs(y) + 0.95 < 4)
-    assert covered.sum() >= 16
-    assert reading.kpa[covered] == pytest.approx(reading.force / (12 * 8) * 1e3, rel=1e-4)
-
-
-def test_the_dots_of_a_braille_cell_share_the_force():
-    dots = [(x, y) for x in (-1.25, 1.25) for y in (-2.5, 0, 2.5)]
-    geoms = "".join(f'<geom size=".001" pos="{x / 1e3} {y / 1e3} .001"/>' for x, y in dots)
-
-    def gap(x, y):
-        away = [(x - a) ** 2 + (y - b) ** 2 for a, b in dots]
-        return np.min([np.where(r < 1, 1 - np.sqrt(np.maximum(1 - r, 0)), np.inf) for r in away], axis=0)
-
-    _, _, reading = settle(geoms, pose='pos="0 0 1e-5"')
-    assert errors(reading.kpa, springs(PAD, gap, reading.force)[0])[1] < 0.01
 
 
 @pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.004), ("E", 0.02)])
@@ -130,25 +105,6 @@ def test_two_faces_of_one_body_that_hold_a_finger_are_two_loads():
     assert right.outside == pytest.approx(right.force / 2, rel=1e-3)
     assert right.kpa.sum() == pytest.approx(left.kpa.sum(), rel=1e-6)
     assert right.kpa.max() > 1
-
-
-@given(st.integers(0, 10**6), st.integers(2, 4))
-@settings(max_examples=50, deadline=None)
-def test_no_more_than_the_whole_of_a_cell_is_covered(seed, count):
-    """Half planes along the cell's sides: what each of two has left adds up to what they cover together."""
-    rng = np.random.default_rng(seed)
-    ends = rng.uniform(0, 1, count)  # from the left, or from the right
-    right = rng.integers(0, 2, count).astype(bool)
-    share = ends[:, None].copy()
-    shift = np.zeros((count, 2, 1))
-    shift[:, 0, 0] = np.where(right, 1, -1) * (1 - ends) / 2
-    before = share.copy()
-    unite(rng.uniform(0, 1, (count, 1)), share, shift)
-    covered = min(ends[~right].max(initial=0) + ends[right].max(initial=0), 1.0)
-    assert (share <= before + 1e-12).all()
-    assert ends.max() - 1e-9 <= share.sum() <= 1 + 1e-9
-    if count == 2:
-        assert share.sum() == pytest.approx(covered, abs=1e-9)
 
 
 def press_on(link, normal=(0, 0, 1), *, pad=PAD, object_geom, steps=1200, **options):

@@ -25,11 +25,6 @@ def test_a_cached_scan_is_the_same_and_presses_nothing(own_cache):
     assert len(files(own_cache)) == 4
 
 
-def test_no_cache_writes_nothing(own_cache):
-    scan_letters(OPTIONS, cache=False)
-    assert not files(own_cache)
-
-
 def cut(content):
     return content[: len(content) // 2]
 
@@ -49,15 +44,6 @@ def test_a_damaged_file_is_made_again(own_cache, damage):
     assert work["skipped"]["cached"] == 0
     assert np.array_equal(fresh.readings, again.readings)
     assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 768
-
-
-def test_another_key_s_file_is_not_taken(own_cache):
-    fresh, _ = scan_letters(OPTIONS)
-    first, second, *_ = files(own_cache)
-    first.write_bytes(second.read_bytes())
-    again, work = scan_letters(OPTIONS)
-    assert work["skipped"]["cached"] == 576
-    assert np.array_equal(fresh.readings, again.readings)
 
 
 @pytest.mark.parametrize(

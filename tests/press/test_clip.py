@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection
 
 from tactsim.core import invert
-from tactsim.press.clip import EVEN_MOMENTS, MOMENTS, POWERS, cell_moments, covers, edges_of
+from tactsim.press.clip import MOMENTS, POWERS, cell_moments, covers, edges_of
 
 X_LINES = np.array([-3.0, -2.0, -0.5, 0.5, 1.0, 4.0])
 Y_LINES = np.array([-2.0, -1.0, 0.0, 1.5, 2.5])
@@ -126,30 +126,6 @@ def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angl
             cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
             truth = by_triangles(kept ^ cell, (low + high) / 2)
             assert moments[:, 0, row, column] == pytest.approx(truth, abs=2e-5)
-
-
-def test_second_moments_are_the_same_with_and_without_third_ones():
-    outline, poses = edges_of(SHAPES["star"].to_polygons()), np.array([[0.3, -0.2, 1.0]])
-    few = cell_moments(outline, poses, X_LINES, Y_LINES)
-    all_of_them = cell_moments(outline, poses, X_LINES, Y_LINES, moments=MOMENTS)
-    assert all_of_them[:EVEN_MOMENTS] == pytest.approx(few, abs=1e-12)
-
-
-def test_an_outline_on_the_grid_lines_fills_the_cells_that_it_bounds():
-    square = np.array([[-0.5, -1.0], [1.0, -1.0], [1.0, 1.5], [-0.5, 1.5]])
-    area = cell_moments(edges_of([square]), np.zeros((1, 3)), X_LINES, Y_LINES)[0, 0]
-    full = np.diff(Y_LINES)[:, None] * np.diff(X_LINES)
-    wanted = np.zeros_like(full)
-    wanted[1:3, 2:4] = full[1:3, 2:4]
-    assert np.array_equal(area, wanted)
-
-
-def test_poses_do_not_disturb_each_other():
-    edges = edges_of(SHAPES["star"].to_polygons())
-    poses = np.random.default_rng(0).uniform(-3, 3, (20, 3))
-    together = cell_moments(edges, poses, X_LINES, Y_LINES)
-    for index, pose in enumerate(poses):
-        assert np.array_equal(cell_moments(edges, pose[None], X_LINES, Y_LINES)[:, 0], together[:, index])
 
 
 def test_a_point_is_covered_where_the_ring_is():

@@ -1,6 +1,5 @@
 """Contact forces against closed forms and brute force: balance, foundations, tilt, rounded edges."""
 
-import mujoco
 import numpy as np
 import pytest
 from exact_readings import integral
@@ -11,10 +10,9 @@ from scipy.optimize import root
 from tactsim import models
 from tactsim.core import InputError, Pad, transform
 from tactsim.press import balance, press_letter
-from tactsim.press.bed import Level, lay_bed, levels
+from tactsim.press.bed import Level, levels
 from tactsim.press.clip import covers, edges_of
 from tactsim.press.engine import ideal_readings
-from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.spread import felt_along
 from tactsim.press.touches import Touches
@@ -50,25 +48,6 @@ def test_pressure_under_a_level_face_is_even():
     assert forces / bed.area == pytest.approx(2.0 / area[bed.press], rel=1e-6)
 
 
-def test_a_press_does_not_depend_on_the_ones_before():
-    poses = grid_poses()[:24]
-    load, backwards = press("R", poses, level_press()), press("R", poses[::-1], level_press())
-    for index in range(len(poses)):
-        first = load.forces[load.bed.press == index]
-        again = backwards.forces[backwards.bed.press == len(poses) - 1 - index]
-        assert np.array_equal(first, again)
-
-
-def test_a_sliver_is_laid_out_beside_a_full_press_as_alone():
-    letter, options = models.letter("I"), level_scan()
-    edge = np.concatenate(letter.contours)[:, 0].max() - options.pad.load_bounds[0]
-    poses = np.array([[edge - 1e-7, 0, 0], [0, 0, 0]])
-    grid = options.pad.grid_lines(2)
-    alone, both = (lay_bed(levels(letter, options.press), poses[:n], *grid) for n in (1, 2))
-    assert 1e-7 < alone.area.sum() < 1e-5
-    assert alone.area.tolist() == both.area[: both.start[1]].tolist()
-
-
 def test_a_rigid_sphere_presses_as_on_independent_springs():
     """Winkler: F = pi R k d^2 and p(r) = k (d - r^2 / 2R), on and off the middle of the pad."""
     radius, stiffness, force = 50.0, 1.0, 2.0  # mm, N/mm^3, N
@@ -97,55 +76,6 @@ def test_a_rigid_sphere_presses_as_on_independent_springs():
             for step in steps
         ) * (stiffness * depth / 60 * 1e3 / 1.8**2)
         assert np.abs(reading - expected).max() < 2e-3 * expected.max()
-
-
-def brute_force_tilt(letter, pose, options):
-    """Solve the foundation under a tilted face point by point on a fine grid: (points, 2) mm and N each."""
-    fine = 0.05
-    left, right, low, high = PAD.load_bounds
-    x, y = np.meshgrid(np.arange(left + fine / 2, right, fine), np.arange(low + fine / 2, high, fine))
-    points = np.stack([x.ravel(), y.ravel()], axis=1)
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    on_letter = points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
-    points = points[covers(letter.contours, on_letter)]
-    gap = -points[:, 1] * options.tilt_x + points[:, 0] * options.tilt_y
-    order = np.sort(gap)
-    # depth d with sum k a (d - gap)+ = F: the first of the sorted gaps that fits
-    unit = options.stiffness * 1e-3 * fine**2
-    depths = (options.force / unit + np.cumsum(order)) / np.arange(1, len(order) + 1)
-    depth = depths[np.searchsorted(order - depths, 0) - 1]
-    return points, unit * np.maximum(depth - gap, 0)
-
-
-@pytest.mark.parametrize(("tilt_x", "tilt_y"), [(0.01, 0.0), (0.0, 0.02), (-0.05, 0.03)])
-def test_a_rigidly_tilted_face_presses_one_side(tilt_x, tilt_y):
-    letter, pose = models.letter("E"), np.array([-3.4, 3.4, 0.7])
-    options = level_press(tilt_x=tilt_x, tilt_y=tilt_y, cells_per_taxel=8)
-    pressed = press("E", pose[None], options)
-    bed, forces = pressed.bed, pressed.forces
-    points, load = brute_force_tilt(letter, pose, options)
-    assert forces.sum() == pytest.approx(2.0, rel=1e-6)
-    # The same resultant, and the same load in each quarter of the pad.
-    assert forces @ bed.centroid == pytest.approx(load @ points, abs=0.01)
-    for sign_x in (-1, 1):
-        for sign_y in (-1, 1):
-            ours = forces[(bed.centroid * (sign_x, sign_y) > 0).all(axis=1)].sum()
-            theirs = load[(points * (sign_x, sign_y) > 0).all(axis=1)].sum()
-            assert ours == pytest.approx(theirs, abs=0.01)
-
-
-@pytest.mark.parametrize("force", [0.001, 2.0])
-def test_a_level_press_is_found_in_one_step_of_newton_s_method(force, monkeypatch):
-    steps = []
-
-    def count(model, data, step=mujoco.mj_step):
-        steps.append(data.time)
-        step(model, data)
-
-    monkeypatch.setattr(mujoco, "mj_step", count)
-    poses = grid_poses()[60:70]
-    press("E", poses, level_press(force=force))
-    assert len(steps) == len(poses)
 
 
 def rest_by_brute_force(letter, pose, options):
@@ -204,16 +134,6 @@ def test_a_wrist_gives_way_until_it_balances_the_layer(name, pose, press_options
     assert np.abs(reading - truth).max() < 5e-3 * truth.max()
 
 
-def test_stiff_hinges_are_a_rigid_tilt_and_no_tilt_is_none():
-    pose = np.array([[1.0, -2.0, 0.4]])
-    rigid = press("S", pose, level_press(tilt_x=0.01, tilt_y=-0.01))
-    stiff = press("S", pose, level_press(tilt_x=0.01, tilt_y=-0.01, wrist_stiffness=1e7))
-    assert stiff.forces == pytest.approx(rigid.forces, abs=1e-4)
-    level = press("S", pose, level_press())
-    held = press("S", pose, level_press(wrist_stiffness=1e7))
-    assert held.forces == pytest.approx(level.forces, abs=1e-5)
-
-
 def test_a_rounded_edge_nears_the_sharp_one_as_its_radius_vanishes():
     poses = grid_poses()[40:60]
     options = level_scan()
@@ -239,27 +159,6 @@ def test_a_level_of_a_rounded_edge_lies_at_its_mean_gap():
         middle = np.linspace(inner, outer, 2001)[:-1] + (outer - inner) / 4000 - reach[0]
         gap = radius - np.sqrt(np.maximum(radius**2 - middle**2, 0))
         assert level.gap == pytest.approx(gap.mean(), abs=1e-4 * radius)
-
-
-def test_a_rounded_edge_is_finely_enough_cut(monkeypatch):
-    poses, options = grid_poses()[::24], level_scan()
-    letter = models.letter("E", rounding=0.5)
-    coarse = readings_of(letter, poses, options)
-    monkeypatch.setattr("tactsim.press.bed.ROUNDING_LEVELS", 48)
-    fine = readings_of(letter, poses, options)
-    assert np.abs(coarse - fine).max() < 2e-3 * fine.max()
-
-
-def test_a_soft_bed_under_a_rounded_letter_balances_too():
-    options = level_press(stiffness=50.0, force=50.0)
-    load = press("B", grid_poses()[::17], options, rounding=0.3)
-    assert np.bincount(load.bed.press, load.forces) == pytest.approx(50.0, rel=1e-5)
-
-
-def test_a_rounded_letter_cannot_be_pressed_by_its_parts():
-    options = level_scan(press=level_press(skip=Skips(parts=False)))
-    with pytest.raises(InputError, match="rounded"):
-        press_letter(models.letter("E", rounding=0.2), [0, 0, 0], options)
 
 
 @pytest.mark.parametrize("pose", [[0, 0], [0, 0, np.nan], [0, np.inf, 0], "A"])

@@ -12,7 +12,6 @@ from tactsim.core import InputError, Pad
 from tactsim.press import press_letter, scan_letters
 from tactsim.press.bed import lay_bed, levels
 from tactsim.press.dynamics import contact_history
-from tactsim.press.engine import ideal_readings
 from tactsim.press.force_control import ForceControl
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import Setup, UnsettledError, scene
@@ -53,13 +52,6 @@ def test_it_does_whatever_the_press_is_like(press):
     assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
 
 
-def test_a_rounded_letter_settles_too():
-    letter, pose = models.letter("E", rounding=0.3), [0.0, 3.4, 0.5]
-    still = press_letter(letter, pose, level_scan())
-    moving = press_letter(letter, pose, level_scan(press=level_press(dynamics="full")))
-    assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
-
-
 def test_the_image_sequence_runs_from_nothing_to_the_reading():
     _, press = both("A", [0.0, 0.0, 0.3], frame_rate=500.0)
     assert press.sequence.shape == (len(press.times), 36)
@@ -75,13 +67,6 @@ def test_the_image_sequence_runs_from_nothing_to_the_reading():
     assert press.times[np.argmax(total > 0.9 * total[-1])] == pytest.approx(0.06, abs=0.01)
 
 
-@pytest.mark.parametrize("rate", [3.0, 777.0, 10_000.0])
-def test_images_come_as_often_as_asked_for(rate):
-    _, press = both("I", [0.0, 0.0, 0.3], frame_rate=rate)
-    assert press.times[:-1] == pytest.approx(np.arange(1, len(press.times)) / rate)
-    assert len(press.times) == np.ceil(press.times[-1] * rate - 1e-9)
-
-
 TOO_SHORT = level_scan(letters=("E",), press=level_press(dynamics="full", ramp=0.01, time_limit=0.035))
 
 
@@ -92,12 +77,6 @@ def test_a_press_that_does_not_settle_is_reported(few_angles):
         scan_letters(TOO_SHORT, cache=False)
 
 
-def test_a_letter_beside_the_pad_has_no_sequence():
-    _, press = both("I", [40.0, 0.0, 0.0])
-    assert press.sequence is None
-    assert not press.reading.any()
-
-
 def test_a_scan_can_be_taken_with_full_dynamics(few_angles):
     options = level_scan(
         letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0, test_poses="same"
@@ -106,23 +85,6 @@ def test_a_scan_can_be_taken_with_full_dynamics(few_angles):
     usual, _ = scan_letters(options.model_copy(update={"press": level_press()}), cache=False)
     assert work["presses"] > 25
     assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
-
-
-def test_a_scan_takes_the_last_image_of_each_press():
-    letter, options = models.letter("I"), level_scan(press=level_press(dynamics="full"))
-    poses = np.array([[0.0, 0.0, 0.3], [-3.4, 3.4, 0.0]])
-    readings, _ = ideal_readings(Touches.of(letter, poses), options)
-    for reading, pose in zip(readings, poses, strict=True):
-        assert reading == pytest.approx(press_letter(letter, pose, options).ideal, rel=1e-12)
-
-
-def test_a_sliver_stops_where_the_layer_ends():
-    """0.01 mm of I touch: springs without an end would let it sink by 30 mm, and settle for seconds."""
-    half = np.concatenate(models.letter("I").contours).max(axis=0)
-    pose = [half[0] + 7.7 - 0.01, 0.0, 0.0]
-    still, moving = both("I", pose)
-    assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
-    assert moving.times[-1] < 1.0
 
 
 @pytest.mark.long
@@ -184,14 +146,6 @@ def test_shorter_steps_converge_to_one_history():
     assert errors[0] < 0.05 * 2.0
     assert errors[1] < 0.6 * errors[0]
     assert errors[2] < 0.6 * errors[1]
-
-
-def test_control_takes_the_force_to_the_set_point_that_it_follows():
-    trace = history()[0].trace
-    assert (np.diff(trace.set_point) >= 0).all()
-    assert trace.set_point[-1] == 2.0
-    late = trace.times > trace.touch_time + 0.01
-    assert np.abs(trace.force - trace.set_point)[late].max() < 0.1 * 2.0
 
 
 def test_without_a_ramp_a_flat_face_answers_as_two_equal_poles():
@@ -262,19 +216,6 @@ def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
             lambda u: -dissipation * u - np.log1p(-dissipation * u) - came, 0, (1 - 1e-12) / dissipation
         )
     assert left == pytest.approx(speed, rel=2e-3)
-
-
-def test_force_begins_at_nothing():
-    """Kelvin and Voigt's layer would begin with damping times speed."""
-    force = history(time_step=0.02, dissipation=1.0)[0].trace.force
-    first = np.argmax(force > 0)
-    assert force[first] < 0.005 * 2.0
-
-
-def test_a_layer_does_not_hold_the_letter_back():
-    """Leaving faster than 1 / c, the layer only loses touch: no force below 0."""
-    stage_forces = history(dissipation=10.0, time_limit=20.0)[0].forces
-    assert (stage_forces >= 0).all()
 
 
 def test_a_tilted_letter_changes_its_picture_on_the_way():

@@ -181,21 +181,6 @@ def test_a_symmetric_face_gives_a_symmetric_map(foundation):
     assert got[1] == pytest.approx(np.rot90(got[0]), abs=1e-6 * got.max())
 
 
-def test_the_order_of_presses_changes_nothing():
-    options = solid("layer", stiffness=3000.0)
-    bed, rested = press("S", POSES, options, (0.01, 0.03))
-    mirrored, backwards = press("S", POSES[::-1], options, (0.01, 0.03))
-    for index in range(len(POSES)):
-        again = backwards.pressure[mirrored.press == len(POSES) - 1 - index]
-        assert rested.pressure[bed.press == index] == pytest.approx(again, abs=1e-12)
-
-
-@pytest.mark.parametrize("foundation", SOLIDS)
-def test_what_presses_is_in_proportion_to_the_force_where_nothing_lifts_off(foundation):
-    one, ten = (press("A", POSES, solid(foundation, force=force))[1].pressure for force in (1.0, 10.0))
-    assert ten == pytest.approx(10 * one, rel=1e-9)
-
-
 def test_a_level_behind_the_front_carries_once_the_front_is_pressed_in():
     """A ring 0.02 mm behind a disc: alone under a light force the disc carries, under a heavy one both do."""
     disc, ring = polygon(3.0), polygon(5.0)
@@ -210,25 +195,6 @@ def test_a_level_behind_the_front_carries_once_the_front_is_pressed_in():
         shares.append(carried[1] / force)
     assert shares[0] == 0
     assert 0.05 < shares[1] < shares[2]
-
-
-@pytest.mark.parametrize("foundation", SOLIDS)
-def test_a_sliver_and_no_contact_are_pressed_too(foundation):
-    options, letter = solid(foundation), models.letter("I")
-    edge = np.concatenate(letter.contours)[:, 0].max() - options.pad.load_bounds[0]
-    poses = np.array([[edge - 1e-6, 0, 0], [100.0, 0, 0], [edge - 1e-2, 0.3, 0], [0, 0, 0]])
-    bed, rested = press("I", poses, options)
-    forces = np.bincount(bed.press, rested.pressure * bed.area, len(poses))
-    assert forces == pytest.approx([2.0, 0.0, 2.0, 2.0], rel=1e-6)
-    assert (rested.pressure >= 0).all()
-
-
-def test_a_wrist_softer_than_the_load_tips_over():
-    options = solid("half-space", wrist_stiffness=1.0)
-    _, rested = press("E", np.array([[-9.0, 4.0, 1.0], [100.0, 0, 0]]), options)
-    assert list(rested.blanks) == [0]
-    assert "tips over" in rested.blanks[0]
-    assert not rested.pressure.any()
 
 
 @settings(max_examples=40, deadline=None)
@@ -248,21 +214,6 @@ def test_any_press_balances_without_pulling(name, pose, tilt, foundation, wrist,
     assert (rested.pressure >= 0).all()
     if len(bed.area) and not rested.blanks:
         assert rested.pressure @ bed.area == pytest.approx(force, rel=1e-6)
-
-
-def test_cells_of_too_many_sizes_are_refused():
-    pad = Pad(
-        rows=20,
-        columns=20,
-        pitch_x=30.0,
-        pitch_y=30.0,
-        taxel_width=27.0,
-        taxel_height=27.0,
-        seam=0.8,
-        unread_columns=0,
-    )
-    with pytest.raises(InputError, match=r"different distances.*choose press\.foundation = winkler"):
-        press("E", POSES, solid("layer", pad))
 
 
 def compare(name, poses, options, tilt=(0.0, 0.0), springs=False):

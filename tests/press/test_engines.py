@@ -10,11 +10,10 @@ from test_accuracy import LEAST_AREA
 
 from tactsim import models
 from tactsim.core import Pad, transform
-from tactsim.core.errors import InputError
 from tactsim.press.clip import covers
 from tactsim.press.engine import press_at
-from tactsim.press.points import lattice, share
-from tactsim.press.scan_options import SensorOptions, Skips
+from tactsim.press.points import lattice
+from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import REACH, grid_poses, random_poses
 from tactsim.press.touches import Touches
 
@@ -142,37 +141,6 @@ def test_tilted_presses_agree_over_forces_and_stiffnesses(force, stiffness, tilt
     assert np.abs(got - want).max() < 0.06 * want.max()
 
 
-def test_collide_balances_the_force_on_any_pad_and_point_spread():
-    pad = Pad(rows=3, columns=5, pitch_x=3.0, pitch_y=2.0, taxel_width=3.0, taxel_height=2.0, no_seam=True,
-              unread_columns=0)  # fmt: skip
-    for sigma in (0.0, 0.5):
-        chosen = level_scan(
-            pad=pad,
-            press=level_press(engine="collide", wrist_stiffness=None),
-            sensor=SensorOptions(psf_sigma=sigma),
-        )
-        pressed = press_at(Touches.of(models.letter("E"), np.zeros((1, 3))), chosen)
-        assert pressed.load.force.sum() == pytest.approx(2.0, rel=1e-6)
-        felt = pressed.readings(chosen).sum() * pad.taxel_width * pad.taxel_height / 1e3
-        assert 1.6 < felt < 2.0 + 1e-9
-
-
-def test_points_share_the_pad_evenly():
-    for pad in (Pad(), Pad(rows=20, columns=2, no_seam=True, unread_columns=0)):
-        left, right, low, high = pad.load_bounds
-        points = lattice(pad, 48)
-        assert len(points) * share(pad, 48) == pytest.approx((right - left) * (high - low), rel=0.02)
-        apart = np.sort(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)), axis=1)[:, 1]
-        assert apart.min() == pytest.approx(np.sqrt(share(pad, 48) * 2 / np.sqrt(3)), rel=1e-9)
-        assert np.ptp(apart) < 1e-9
-
-
-def test_a_press_beside_the_letter_reads_nothing_by_any_engine():
-    touches = Touches.of(models.letter("I"), np.array([[40.0, 0.0, 0.0]]))
-    for engine in ("exact", "bed", "collide"):
-        assert not read(engine, touches).any()
-
-
 def test_presses_do_not_depend_on_those_before():
     touches = Touches(models.letter("A"), POSES, np.linspace(-0.01, 0.01, 2 * len(POSES)).reshape(-1, 2))
     chosen = options("collide", wrist_stiffness=WRIST)
@@ -193,8 +161,3 @@ def test_a_letter_that_tips_over_is_a_blank_with_its_reason():
         assert pressed.blanks[0]
         assert not pressed.readings(chosen).any()
     assert "tips over" in pressed.blanks[0]
-
-
-def test_too_many_points_are_refused():
-    with pytest.raises(InputError, match=r"press\.points_per_taxel: the pad has .* points, more than 50,000"):
-        read("collide", Touches.of(models.letter("I"), np.zeros((1, 3))), points_per_taxel=2000)

@@ -7,8 +7,7 @@ from level_world import level_press, level_scan
 from tactsim import models
 from tactsim.press import ScanOptions, scan_letters
 from tactsim.press.engine import ideal_readings
-from tactsim.press.scan_options import WORLDS, Skips
-from tactsim.press.simulated_source import press_table
+from tactsim.press.scan_options import Skips
 from tactsim.press.touches import Touches, draw_loads
 
 LETTER = models.letter("E")
@@ -66,17 +65,6 @@ def level(**options):
     return level_scan(letters=("E",), sensor={"noise": 0.0, "resolution": 0.0}, **options)
 
 
-def test_only_the_load_differs_where_it_varies():
-    usual, _ = scan_letters(level())
-    varied, _ = scan_letters(level(load_spread=0.3))
-    load = varied.readings.sum(axis=1) / np.maximum(usual.readings.sum(axis=1), 1e-9)
-    touching = usual.readings.max(axis=1) > 0
-    assert varied.readings == pytest.approx(usual.readings * load[:, None], rel=1e-9)
-    assert load[touching].std() == pytest.approx(0.3, abs=0.05)
-    train, test = (load[touching & (usual.split == split)][:100] for split in ("train", "test"))
-    assert abs(np.corrcoef(train, test)[0, 1]) < 0.5
-
-
 def test_a_test_load_changes_the_test_presses_alone():
     usual, _ = scan_letters(level())
     lighter, _ = scan_letters(level(test_load=0.5))
@@ -111,14 +99,3 @@ def test_what_is_skipped_changes_no_reading_of_varied_loads(skips, most):
         for some in ({}, skips)
     )
     assert without == pytest.approx(usual, abs=most * usual.max())
-
-
-def test_the_handheld_world_varies_load_tilt_and_response():
-    options = ScanOptions(letters=("I",), **WORLDS["handheld"])
-    ordinary = ScanOptions(letters=("I",))
-    assert options.placement_tilt > 3 * ordinary.placement_tilt
-    assert (options.load_spread, options.sensor.response) == (0.3, 2.0)
-    table = press_table("I", np.zeros((200, 3)), options, np.random.default_rng(0))
-    assert table.sum(axis=1).std() / table.sum(axis=1).mean() == pytest.approx(0.3, abs=0.06)
-    table = press_table("I", np.zeros((20, 3)), ordinary, np.random.default_rng(0))
-    assert table.sum(axis=1).std() / table.sum(axis=1).mean() < 0.02

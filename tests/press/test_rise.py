@@ -7,8 +7,7 @@ from manifold3d import Manifold
 
 from tactsim import models
 from tactsim.core.moments import with_moments
-from tactsim.press import PressOptions, SensorOptions, scan_letters, scanning
-from tactsim.press.sequences import held, rising
+from tactsim.press import SensorOptions, scan_letters, scanning
 
 pytestmark = pytest.mark.usefixtures("few_angles")
 
@@ -47,13 +46,6 @@ def test_each_image_is_a_press_at_rest_under_the_load_of_its_time(ball):
     with_moments(scan, 3)  # the whole load is held long enough to be known as a plateau
 
 
-def test_relief_is_touched_at_its_top_first(ball):
-    scan, _ = scan_letters(options_of(ball), cache=False, sequence=True)
-    domes = scan.sequence[(scan.labels == "ball") & scan.readings.any(axis=1)]
-    largest = domes.max(axis=2) / domes.sum(axis=2).clip(1e-9)
-    assert (largest[:, 0] > largest[:, -1]).mean() > 0.95  # of a light touch more lies on one taxel
-
-
 @pytest.mark.long
 def test_neither_the_cache_nor_processes_change_a_bit(ball, monkeypatch, tmp_path):
     monkeypatch.setenv("TACTSIM_CACHE", str(tmp_path))
@@ -81,12 +73,3 @@ def test_a_press_that_does_not_rest_under_a_lower_load_is_a_blank(ball, monkeypa
     assert {blank["reason"] for blank in scan.meta["blanks"]} == {"it tips over"}
     assert len(scan) + len(scan.meta["blanks"]) == 192
     assert len(scan.sequence) == len(scan)
-
-
-def test_a_press_without_a_ramp_has_its_whole_load_at_once():
-    press = PressOptions(ramp=0.0)
-    assert len(rising(press)) == 0
-    images, times, force = held(np.ones((2, 1, 36)), np.array([2.0, 3.0]), press)
-    assert images.shape == (2, 5, 36)
-    assert force.tolist() == [[2.0] * 5, [3.0] * 5]
-    assert times[0] == pytest.approx(1 / press.frame_rate)

@@ -3,7 +3,7 @@ import pytest
 
 from tactsim import models
 from tactsim.core import InputError, Pad
-from tactsim.press.scan_poses import PAPER, Stage, grid_poses, random_poses, stage_for
+from tactsim.press.scan_poses import PAPER, grid_poses, random_poses, stage_for
 
 
 def scaled_pad(k):
@@ -39,10 +39,6 @@ def test_random_poses_are_uniform_over_12_mm_and_all_angles():
         assert share / 4000 == pytest.approx(1 / 8, abs=5 * np.sqrt(1 / 8 * 7 / 8 / 4000))
 
 
-def test_every_letter_of_the_catalogue_is_pressed_where_the_paper_does():
-    assert {stage_for(Pad(), models.letter(name)) for name in models.names()} == {PAPER}
-
-
 @pytest.mark.parametrize("k", [0.2, 0.5, 2.0, 3.7])
 @pytest.mark.parametrize("size", [(4, 6), (24, 20), (32, 31), (60, 10)])
 def test_what_is_scaled_together_is_pressed_alike(k, size):
@@ -69,9 +65,3 @@ def test_a_shape_too_large_for_the_pad_is_refused():
     ):
         stage_for(Pad(), box(200, 50, "plate"))
     assert len(stage_for(scaled_pad(3), box(200, 50)).positions) < 20
-
-
-def test_without_a_letter_the_pad_alone_says():
-    assert stage_for(Pad()) == PAPER
-    assert stage_for(scaled_pad(2)) == Stage(pytest.approx((-20.4, -6.8, 6.8, 20.4)), pytest.approx(24.0))
-    assert stage_for(scaled_pad(0.01)).poses == 192

@@ -4,8 +4,8 @@ from level_world import level_press, level_scan
 
 from tactsim import models
 from tactsim.bench.runs.scan_quality import classifier_agreement
-from tactsim.core import InputError, Pad
-from tactsim.press import WORLDS, ScanOptions, SensorOptions, press_letter, scan_letters
+from tactsim.core import InputError
+from tactsim.press import WORLDS, ScanOptions, press_letter, scan_letters
 
 
 def classify(readings, threshold=2.0, share=0.3):
@@ -58,19 +58,6 @@ def test_the_ideal_world_reads_what_a_single_press_reads():
         assert press.reading == pytest.approx(scan.readings[k], abs=1e-9)
 
 
-def test_half_the_force_is_half_the_reading():
-    letter, pose = models.letter("A"), [1.0, 2.0, 0.3]
-    full = press_letter(letter, pose, level_scan()).ideal
-    half = press_letter(letter, pose, level_scan(press=level_press(force=1.0))).ideal
-    assert half == pytest.approx(full / 2, rel=1e-6)
-
-
-def test_a_letter_beside_the_pad_reads_nothing():
-    press = press_letter(models.letter("I"), [40.0, 0.0, 0.0])
-    assert not press.ideal.any()
-    assert not press.reading.any()
-
-
 def test_worlds_are_valid_and_worse_data_is_classified_worse():
     letters, shares = {"E": models.letter("E")}, {}
     for world, values in WORLDS.items():
@@ -78,11 +65,6 @@ def test_worlds_are_valid_and_worse_data_is_classified_worse():
         shares[world] = classifier_agreement(scan, *classify(scan.readings), letters).share
     assert shares["rough"] < shares["default"] - 0.05
     assert shares["paper-like"] < shares["default"] - 0.01
-
-
-def test_a_dead_taxel_that_the_pad_does_not_have_is_refused():
-    with pytest.raises(ValueError, match="0 to 35"):
-        level_scan(sensor=SensorOptions(dead_taxels=(36,)))
 
 
 def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
@@ -110,21 +92,6 @@ def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
 def test_what_cannot_be_pressed_is_said(options, says):
     with pytest.raises(InputError, match=says):
         scan_letters(level_scan(**options))
-
-
-def test_a_pad_in_a_file_is_pressed(tmp_path):
-    path = tmp_path / "pad.toml"
-    path.write_text(
-        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\ntaxel_width = 3.5\nunread_columns = 0\n"
-    )
-    scan, _ = scan_letters(level_scan(letters=("E",), pad=str(path)), cache=False)
-    assert scan.readings.shape == (384, 15)
-    assert scan.meta["options"]["pad"]["columns"] == 5
-
-
-def test_a_pad_with_too_many_taxels_is_refused():
-    with pytest.raises(ValueError, match="cells_per_taxel"):
-        level_scan(pad=Pad(rows=200, columns=200, seam=None), press=level_press(cells_per_taxel=4))
 
 
 def test_a_pad_s_gains_are_the_same_for_a_scan_and_a_single_press():

@@ -1,14 +1,13 @@
 """The map from contact pressure to taxels against fine quadrature: pads, point spreads, slopes of pressure."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from exact_readings import expected_reading
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from level_world import level_press, level_scan
+from level_world import level_scan
 from manifold3d import CrossSection
 from scipy.special import erf
 
@@ -130,38 +129,6 @@ def test_a_pitch_far_above_the_point_spread_is_read_right(pitch, sigma):
         exact, area = expected_reading(letter.footprint, pose, pad, 2.0, sigma)
         assert area > 1
         assert np.abs(reading - exact).max() < 2e-3 * exact.max()
-
-
-def test_cells_as_wide_as_the_point_spread_are_not_cut():
-    for ours, plain in zip(cell_lines(Pad(), 2, 1.0), Pad().grid_lines(2), strict=True):
-        assert np.array_equal(ours, plain)
-
-
-@pytest.mark.parametrize(("pitch", "sigma"), [(100.0, 1.0), (1.9, 0.3), (7.3, 2.0), (1000.0, 0.3)])
-def test_cut_cells_are_narrow_where_an_edge_is_felt(pitch, sigma):
-    pad = square_pad(3, pitch)
-    lines, _ = cell_lines(pad, 2, sigma)
-    assert (np.diff(lines) > 0).all()
-    assert set(pad.grid_lines(2)[0]) <= set(lines)
-    for low, high in pairwise(lines):
-        near = (pad.column_edges > low - 5 * sigma) & (pad.column_edges < high + 5 * sigma)
-        if near.any():
-            assert high - low <= 1.25 * sigma * (1 + 1e-9)
-
-
-def test_a_pad_of_4096_taxels_is_pressed():
-    pad = square_pad(64, 0.5)
-    options = level_scan(pad=pad, press=level_press(cells_per_taxel=2))
-    letter, poses = models.letter("S"), grid_poses()[60:63]
-    readings, _ = ideal_readings(Touches.of(letter, poses), options)
-    for reading, pose in zip(readings, poses, strict=True):
-        exact, _ = expected_reading(letter.footprint, pose, pad, 2.0, 1.0)
-        assert np.abs(reading - exact).max() < 1e-4 * exact.max()
-
-
-def test_a_bed_of_too_many_cells_is_refused():
-    with pytest.raises(ValueError, match="cells of the bed, more than 200,000; choose fewer taxels"):
-        level_scan(pad=square_pad(200, 10.0), sensor=SensorOptions(psf_sigma=0.3))
 
 
 def test_a_press_alone_in_its_batch_and_one_among_many_are_the_same_to_the_last_bit():

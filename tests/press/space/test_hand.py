@@ -40,13 +40,6 @@ def test_a_gripper_meets_an_object_from_both_sides(tmp_path):
     assert found.readings == pytest.approx(alone.readings)
 
 
-def test_pads_that_meet_nothing_stop_before_each_other(tmp_path):
-    found = HandPress([meshes.ball()], hand(tmp_path), SpaceOptions()).touch("ball", HERE + np.eye(7)[1] * 50)
-    assert not found.met.any()
-    assert not found.readings.any()
-    assert found.travel == pytest.approx([50, 50], abs=0.6)
-
-
 def test_a_pad_that_misses_stops_before_one_that_rests(tmp_path):
     """Two pads on one line: the second looks the same way and starts behind the first, which the object stops."""
     text = """

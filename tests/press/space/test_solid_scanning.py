@@ -40,20 +40,6 @@ def test_an_object_is_touched_alike_whatever_else_is():
     assert (both.where(label="egg").poses == alone.poses).all()
 
 
-def test_a_scan_may_be_without_tests():
-    scan, _ = scan_solids(FEW.model_copy(update={"tests": 0}))
-    assert len(scan) == len(scan.where("train")) == 80
-
-
-def test_images_are_kept_where_they_are_asked_for():
-    scan, _ = scan_solids(FEW.model_copy(update={"frames": 4}))
-    assert scan.sequence.shape == (90, 4, 36)
-    assert scan.sequence_force.tolist() == [0.5, 1.0, 1.5, 2.0]
-    assert scan.sequence[:, -1] == pytest.approx(scan.readings, abs=1e-4)
-    without, _ = scan_solids(FEW)
-    assert (scan.readings == without.readings).all()
-
-
 def test_the_grid_is_even_over_the_surface_and_looks_into_the_object():
     egg = models.solid("egg")
     starts = touch_grid(egg, 100, 3, 0.0, np.random.default_rng(0))
