@@ -121,31 +121,6 @@ def test_a_real_robot_where_both_frames_are_its_base(scan, name):
     )
 
 
-def test_near_and_far_sequences_do_not_disturb_each_other(scan):
-    estimator = fitted("refined", scan)
-    readings, _, poses = sequence(scan, "E")
-    far = compose(FAR[3], poses)
-    before = estimates(estimator, readings, poses), estimates(estimator, readings, far)
-    after = estimates(estimator, readings, poses), estimates(estimator, readings, far)
-    for one, other in zip(before, after, strict=True):
-        for first, second in zip(one, other, strict=True):
-            assert first.probabilities == second.probabilities
-            assert (first.robot_in_object == second.robot_in_object).all()
-
-
-@pytest.mark.parametrize("name", ["particle", "tempered"])
-def test_random_numbers_are_the_same_after_a_near_and_after_a_far_sequence(scan, name):
-    estimator = create(name, particles=300)
-    estimator.fit(scan)
-    readings, _, poses = sequence(scan, "E")
-    far = compose(FAR[1], poses)
-    first = estimates(estimator, readings, far)
-    again = estimates(estimator, readings, far)
-    estimates(estimator, readings, poses)
-    for answers in (again, estimates(estimator, readings, far)):
-        assert [one.probabilities for one in answers] == [one.probabilities for one in first]
-
-
 def test_a_fit_to_the_pad_sees_no_far_pose(scan):
     imported = replace(scan, meta={**scan.meta, "source": "imported"})
     near = fitted("refined", imported)
@@ -169,18 +144,6 @@ def test_maps_planes_and_samples_are_in_the_frame_of_the_user(scan):
     plane, there = near.belief_over_plane(), far.belief_over_plane()
     assert_allclose(there.x - FAR[0][0], plane.x, atol=1e-9)
     assert_allclose(there.probability, plane.probability, atol=1e-6)
-
-
-def test_proposals_do_not_depend_on_where_a_far_base_stands(scan):
-    estimator = fitted("refined", scan)
-    readings, _, poses = sequence(scan, "A")
-    chosen = set()
-    for base in FAR[:3]:
-        estimator.reset(np.random.default_rng(0))
-        candidates = compose(base, poses)
-        estimator.update(readings[0], candidates[0])
-        chosen.add(int(estimator.propose(candidates[1:])))
-    assert len(chosen) == 1
 
 
 @given(x=st.floats(-7000, 7000), y=st.floats(-7000, 7000))

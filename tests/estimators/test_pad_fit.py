@@ -14,7 +14,7 @@ from tactsim.core import Scan
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.likelihoods.contact_information import mutual_information, pressure_information
 from tactsim.estimators.options import wants_pad_fit
-from tactsim.estimators.pad_fit import PadUnits, climb, fit_to_pad, response, units_of
+from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
 
 SMALL = {
     "histogram": {"bins": 1000},
@@ -130,14 +130,6 @@ def test_a_scan_in_another_unit_and_size_is_the_same_scan(unit, length, exponent
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=3e-7, abs=1e-6)
 
 
-@given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.sampled_from([0.35, 1.0, 2.8]))
-def test_a_pressure_is_read_back(pressure, typical, exponent):
-    units = PadUnits(1.0, typical, exponent)
-    assert units.readings(np.array(units.reading_of(pressure))) == pytest.approx(
-        pressure, rel=1e-5, abs=1e-30
-    )
-
-
 def test_options_that_were_given_are_kept_in_the_units_they_were_given_in(scan):
     twice = changed(scan, unit=10.0, length=2.0)
     asked = RefinedOptions(fit="auto", sigma=3.0, threshold=15.0, reach=30.0, motion="0.5,0.03", quantiles=7)
@@ -217,19 +209,6 @@ def test_little_to_learn_from_breaks_nothing(scan, name, what):
     estimator.reset(np.random.default_rng(0))
     estimator.update(bad.readings[0], bad.poses[0])
     assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
-
-
-def test_climbing_stops_where_nothing_more_is_said():
-    asked = []
-
-    def said(value):
-        asked.append(value)
-        return 10 - (value - 3) ** 2
-
-    assert climb(said, (0, 1, 2, 3, 4, 5), 1, said(1), 1.01) == (3, 10)
-    assert asked == [1, 2, 3, 4, 0]
-    assert climb(lambda value: (value - 2) ** 2 + 1, (0, 1, 2, 3, 4, 5), 2, 1.0, 1.01) == (5, 10)
-    assert climb(lambda value: 1.005, (0, 1, 2), 1, 1.0, 1.01) == (1, 1.0)
 
 
 def test_mutual_information_against_closed_forms():

@@ -1,7 +1,5 @@
 """The parts of a filter on maps: made only if they are asked for, and each does what is written out here by hand."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +13,6 @@ from tactsim.estimators.filters.refined import RefinedFilter
 from tactsim.estimators.registry import load
 
 SMALL = {"bins": 500, "cells": 20, "cell": 0.8}
-PARTS = (
-    "pad_fit",
-    "filters.active_touch",
-    "filters.moving",
-    "filters.motion",
-    "filters.moving_bins",
-    "filters.open_set",
-)
 
 
 @pytest.fixture(scope="module")
@@ -49,26 +39,6 @@ def test_what_is_created_is_the_filter_itself():
     assert moving.moving is not None
     particles = create("particle", motion="auto")
     assert (particles.motion is None, particles.moving) == (False, None)  # it follows the motion by itself
-
-
-def test_a_filter_without_parts_imports_none():
-    code = """
-import sys
-import numpy as np
-from tactsim.estimators import create
-from tactsim.estimators.contract.bars import make_scan
-scan = make_scan("EI")
-estimator = create("histogram", bins=100)
-estimator.fit(scan)
-estimator.reset(np.random.default_rng(0))
-estimator.update(scan.readings[0], scan.poses[0])
-estimator.estimate()
-print(" ".join(sys.modules))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    imported = set(done.stdout.split())
-    assert "tactsim.estimators.filters.map_filter" in imported
-    assert imported.isdisjoint(f"tactsim.estimators.{part}" for part in PARTS)
 
 
 def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan):

@@ -75,16 +75,6 @@ def test_readings_are_added_one_by_one_in_however_many_calls(model, scan, states
     assert (field.log_p(letter[some], state[:, some]) == total[some]).all()
 
 
-@pytest.mark.parametrize("states", [1, 15, 16, 17, 127, 129, 145])  # around whole vectors and batches
-def test_a_state_does_not_depend_on_those_beside_it(model, scan, states):
-    field, _ = begun(model, scan, 2)
-    rng = np.random.default_rng(0)
-    letter, state = rng.integers(3, size=300), rng.uniform(-9, 9, (3, 300))
-    assert np.array_equal(
-        field.log_p(letter[:states], state[:, :states]), field.log_p(letter, state)[:states]
-    )
-
-
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("axis", range(3))
 def test_a_state_that_is_nowhere_disturbs_no_other(model, scan, wrong, axis):
@@ -105,12 +95,6 @@ def test_far_away_every_table_is_what_it_is_outside(model, scan):
             (one.weight * field.tables.outside[one.table, letter]).sum(dtype=float) for one, _ in told
         )
         assert field.log_p(letter, far) == pytest.approx(np.full(5, outside), rel=1e-5)
-
-
-def test_one_letter_stands_for_all_states(model, scan):
-    field, _ = begun(model, scan, 2)
-    state = np.random.default_rng(0).uniform(-9, 9, (3, 7))
-    assert (field.log_p(2, state) == field.log_p(np.full(7, 2), state)).all()
 
 
 def test_a_field_that_was_reset_is_as_new(model, scan):

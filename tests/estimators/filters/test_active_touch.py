@@ -123,16 +123,6 @@ def test_a_reading_is_foreseen_as_the_model_says(model, fine, scan):
         assert log_p[row] == pytest.approx(expected, rel=2e-2, abs=0.3)
 
 
-@pytest.mark.parametrize(("x", "y"), [(400, 3), (-400, 3), (3, 400), (3, -400), (3, -21.3)])
-def test_far_off_the_letter_it_is_foreseen_as_outside(model, fine, x, y):
-    letter, state = np.zeros(2, dtype=np.int64), np.array([[x, x], [y, y], [0.3, 0.3]], dtype=float)
-    log_p = np.empty((1, 2), dtype=np.float32)
-    pose, chance = np.zeros(3), np.full((1, 36, 3), [[[0.0, 1e6, 0.0]]], dtype=np.float32)
-    foresee(log_p, pose, np.array([0]), letter, state, fine._taxel_xy, fine._nodes, fine._lattice, chance)
-    felt = model.log_tables("E", transform(state[:, 0], fine._taxel_xy))[1]  # In Contact throughout
-    assert log_p == pytest.approx(np.full((1, 2), felt.sum()), rel=1e-2)
-
-
 def test_classes_are_drawn_as_often_as_the_model_says(model, fine):
     rng = np.random.default_rng(2)
     times, pose = 4000, np.array([1.0, 2.0, 0.3])
@@ -167,12 +157,6 @@ def test_information_is_between_nothing_and_the_whole_state(planner, seed, state
     assert (found <= math.log(states) + 1e-4).all()
     # One reading is drawn for each state: the estimate is off by what the draw is.
     assert (found >= -1e-4 if states == 1 else found > -2).all()
-
-
-def test_a_state_that_is_certain_leaves_nothing_to_learn(planner):
-    letter, state = np.ones(16, dtype=np.int64), np.tile([[1.0], [2.0], [0.3]], 16)
-    found = planner.information(paper_poses(3, 4), letter, state, np.random.default_rng(0))
-    assert found == pytest.approx(np.zeros(len(found)), abs=1e-5)
 
 
 def test_the_chosen_reading_is_among_the_best_when_looked_at_again(planner, scan):

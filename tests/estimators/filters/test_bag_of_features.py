@@ -53,25 +53,3 @@ def test_probabilities_are_products_of_shares_counted_by_hand():
         said = estimator.estimate()
         assert said.probabilities == pytest.approx({label: p / total for label, p in product.items()})
         assert said.label == max(product, key=product.get)
-
-
-def test_poses_are_not_looked_at_and_the_place_is_the_middle_of_the_prior():
-    answers = []
-    for pose in ([0, 0, 0], [7, -3, 1]):
-        estimator = started(clustered()[0], words=3)
-        estimator.update(GROUPS[1], pose)
-        answers.append(estimator.estimate())
-    assert answers[0].probabilities == answers[1].probabilities
-    for answer in answers:
-        assert answer.robot_in_object.tolist() == [0, 0, 0]
-
-
-@pytest.mark.parametrize("words", [1, 4, 1000])
-def test_there_are_never_more_words_than_asked_for_or_than_different_readings(words):
-    scan, _, _ = clustered()
-    doubled = scan_of(np.tile(scan.readings, (2, 1)), np.tile(scan.labels, 2))
-    assert 1 <= len(started(doubled, words=words).words) <= min(words, 15)
-    if words == 1:  # one kind of reading says nothing
-        estimator = started(doubled, words=1)
-        estimator.update([1, 2], [0, 0, 0])
-        assert estimator.estimate().probabilities == pytest.approx({"A": 0.5, "B": 0.5}, abs=1e-9)

@@ -48,11 +48,6 @@ def test_of_normal_densities_it_is_the_variance_of_their_places(readings):
     assert readings**2 / (readings - 1) * found == pytest.approx(variance, rel=1e-3)
 
 
-@pytest.mark.parametrize("place", [np.ones((2, 9)), np.stack([np.arange(9.0), 2 * np.arange(9.0)])])
-def test_a_belief_without_a_variance_along_both_axes_tells_nothing(place):
-    assert math.isnan(influence(np.random.default_rng(0).normal(size=(3, 9)), np.ones(9), place))
-
-
 def test_at_states_it_is_that_of_what_the_field_says_there():
     scan = make_scan("EL", poses=paper_poses(3, 6))
     estimator = create("refined", bins=500, cell=0.8)

@@ -19,10 +19,6 @@ def test_the_number_is_the_quantile_of_chi_squared(bins, certain):
     assert enough(bins, 0.05, stats.norm.ppf(certain)) == pytest.approx(exact, rel=0.02, abs=1)
 
 
-def test_one_bin_needs_one_particle():
-    assert enough(0, 0.05, 2.33) == enough(1, 0.05, 2.33) == 1
-
-
 @pytest.mark.parametrize("bins", [6, 40])
 def test_the_divergence_of_so_many_draws_is_below_the_error_as_often_as_promised(bins):
     rng = np.random.default_rng(bins)

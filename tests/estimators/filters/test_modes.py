@@ -94,13 +94,6 @@ def test_modes_that_are_one_are_merged_and_keep_all_of_the_prior():
     assert merged.log_prior[one] == pytest.approx(np.log(2))
 
 
-def test_the_heaviest_are_kept():
-    modes = begun(np.zeros((4, 3)))
-    modes = Modes(**{**vars(modes), "log_weight": np.array([-1.0, -30.0, 0.0, -2.0])})
-    assert modes.heaviest(2, 14).log_weight.tolist() == [-1.0, 0.0]
-    assert modes.heaviest(9, 14).log_weight.tolist() == [-1.0, 0.0, -2.0]
-
-
 def test_beliefs_are_joined_whatever_the_order_of_their_readings():
     at = np.zeros((1, 3))
     first, second = (expansion(*linear(np.random.default_rng(seed)), at) for seed in (3, 4))

@@ -14,7 +14,7 @@ from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
 from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
 from tactsim.estimators.filters.motion import Motion, parse_motion
-from tactsim.estimators.filters.moving_bins import MovingBins, heat_kernel
+from tactsim.estimators.filters.moving_bins import heat_kernel
 from tactsim.estimators.filters.states import Weights
 
 MAP_FILTERS = {
@@ -115,20 +115,6 @@ def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     assert moving._rest - before == pytest.approx(np.log(1 - moving._motion.begins) + foretold, rel=1e-6)
 
 
-def test_a_moving_belief_that_is_lost_sets_off_again_from_where_the_object_lies(two):
-    readings, poses, true = sequence(two, "E", 8)
-    estimator = fitted("refined", two, bins=1000, motion="auto")
-    estimates(estimator, readings[:6], poses[:6])
-    moving = estimator.moving
-    for cloud in moving._clouds:  # as if it had missed the place when it began
-        if cloud is not None:
-            cloud.centre[:] += [30.0, -20.0, 15.0]
-    for k in (6, 7):
-        estimator.update(readings[k], poses[k])
-    state, _, mode = moving._drawn[two.letters.index("E")].heavy()
-    assert np.hypot(*(invert(state[:, mode]) - invert(true[-1]))[:2]) < 1
-
-
 def test_what_begins_to_move_has_the_odds_with_which_that_begins(two):
     """The odds of moving to rest, letter by letter, grow by what begins to move of what lies still."""
     readings, poses, _ = sequence(two, "E", 3)
@@ -160,21 +146,6 @@ def test_rest_is_given_up_for_a_belief_that_is_two_hundred_times_likelier(two, n
     assert (at_rest > followed) == rests
     held = estimator.own_estimate().robot_in_object
     assert (estimator.estimate().robot_in_object.tobytes() == held.tobytes()) == rests
-
-
-def test_clouds_that_are_joined_hold_what_both_held():
-    rng = np.random.default_rng(0)
-    clouds = []
-    for count, evidence in ((5, -2.0), (3, -3.5)):
-        weight = rng.dirichlet(np.ones(2 * count)).reshape(count, 2)
-        clouds.append(Cloud(rng.normal(size=(count, 3)), rng.random(count), np.log(weight), evidence))
-    both = clouds[0].joined(clouds[1])
-    assert both.log_evidence == pytest.approx(np.log(np.exp(-2.0) + np.exp(-3.5)))
-    assert np.exp(both.log_weight).sum() == pytest.approx(1)
-    held = [np.exp(one.log_weight + one.log_evidence) for one in clouds]
-    assert np.exp(both.log_weight + both.log_evidence) == pytest.approx(np.concatenate(held))
-    assert np.array_equal(both.centre, np.concatenate([one.centre for one in clouds]))
-    assert np.array_equal(both.spread, np.concatenate([one.spread for one in clouds]))
 
 
 def test_a_broad_belief_is_followed_to_a_place_between_its_centres():
@@ -282,20 +253,6 @@ def test_bins_that_move_are_the_forward_algorithm_over_a_table_of_all_bins(small
         p /= p.sum()
         found = np.exp(estimator.log_belief().reshape(p.shape))
         assert np.allclose(found, p, rtol=1e-3, atol=1e-6)
-
-
-def test_scales_are_mixed_and_jumps_leave_the_mass_as_it_is(small):
-    estimator = create("histogram", bins=200, motion="auto")
-    estimator.fit(small)
-    estimator.reset(np.random.default_rng(0))
-    readings, poses, _ = sequence(small, "T", 4)
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-        assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
-    bins: MovingBins = estimator._belief
-    before = bins._p.sum()
-    bins._move()
-    assert bins._p.sum() == pytest.approx(before, rel=1e-9)
 
 
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))

@@ -1,23 +1,9 @@
 """The inner loops of the particle filter, against plain NumPy with the same random numbers."""
 
-import math
-
 import numpy as np
 import pytest
 
 from tactsim.estimators.filters.particle_kernels import draw, move
-
-
-def test_draws_are_in_proportion_to_the_weights():
-    rng = np.random.default_rng(0)
-    weights = np.array([0.0, 3.0, 1.0, 0.0, 6.0, 0.0])
-    chosen = np.empty(100_000, dtype=np.int64)
-    draw(chosen, weights, rng.standard_exponential(len(chosen) + 1))
-    assert (np.diff(chosen) >= 0).all()
-    shares = np.bincount(chosen, minlength=6) / len(chosen)
-    # Five standard deviations of a binomial share.
-    assert shares == pytest.approx(weights / 10, abs=5 * 0.5 / math.sqrt(len(chosen)))
-    assert shares[[0, 3, 5]].tolist() == [0, 0, 0]
 
 
 def test_spacings_are_sorted_uniform_numbers():
@@ -48,18 +34,6 @@ def test_draws_are_those_of_a_search_in_running_sums(weights, draws):
         # The sums are rounded differently, which may decide where two are equal.
         rounded = np.isclose(filled[:, None], reached[:-1], rtol=1e-12).any(axis=0)
         assert chosen[~rounded].tolist() == np.minimum(wanted, weights - 1)[~rounded].tolist()
-
-
-def test_draws_are_independent_of_each_other():
-    # Two equal halves of n draws: the count of the first is binomial, not as even as systematic resampling makes it.
-    rng = np.random.default_rng(4)
-    counts, chosen = [], np.empty(64, dtype=np.int64)
-    for _ in range(4000):
-        draw(chosen, np.ones(2), rng.standard_exponential(65))
-        counts.append(64 - chosen.sum())
-    # The standard error of a variance of 16 from 4,000 samples is 0.36.
-    assert np.var(counts) == pytest.approx(16, abs=1.5)
-    assert np.mean(counts) == pytest.approx(32, abs=5 * 4 / math.sqrt(4000))
 
 
 @pytest.mark.parametrize("count", [1, 127, 1000])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactsim.core import wrap_angle
-from tactsim.estimators.filters import parzen as module
 from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode
 
 
@@ -46,15 +45,6 @@ def beliefs(count, most=60):
             states[:, half:] = states[:, : states.shape[1] - half] + [[16.0], [8.0], [0.0]]
             weights[:] = 1.0
         yield states, weights, float(rng.choice([0.3, 1.0, 3.0]))
-
-
-def test_bounds_in_several_arrays_find_the_same_mode(monkeypatch):
-    for states, weights, rho in beliefs(40):
-        mode, _ = parzen_mode(states, weights, rho)
-        for largest in (30, 40, 64):
-            with monkeypatch.context() as patch:
-                patch.setattr(module, "_LARGEST", largest)
-                assert parzen_mode(states, weights, rho)[0].tolist() == mode.tolist()
 
 
 def test_skipped_columns_change_no_mode():

@@ -7,7 +7,7 @@ from synthetic import draw_trial, make_scan, paper_poses, placement_error, score
 from synthetic import fitted as shared
 
 from tactsim import estimators
-from tactsim.core import InputError, Scan
+from tactsim.core import Scan
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.refined import RefinedFilter, RefinedOptions
 from tactsim.press import ScanOptions, scan_letters
@@ -190,34 +190,6 @@ def test_of_letters_that_look_alike_none_is_preferred(small, cells):
             assert list(got.probabilities.values()) == pytest.approx([1 / 3] * 3, abs=1e-9)
 
 
-def test_estimates_that_are_left_out_change_nothing_later(small):
-    estimator = shared("refined", small)
-    readings, poses, _ = draw_trial(small, "E", 8, np.random.default_rng(7))
-    once = updated(estimator, readings, poses).estimate()
-    estimator.reset(np.random.default_rng(0))
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-        estimator.estimate()
-        again = estimator.estimate()
-    assert again.probabilities == once.probabilities
-    assert again.robot_in_object.tolist() == once.robot_in_object.tolist()
-
-
-@pytest.mark.long
-def test_the_order_of_readings_does_not_matter(vowels):
-    estimator = shared("refined", vowels)
-    rng = np.random.default_rng(4)
-    readings, poses, _ = draw_trial(vowels, "I", 12, rng)
-    answers = []
-    for _ in range(4):
-        order = rng.permutation(12)
-        answers.append(updated(estimator, readings[order], poses[order]).estimate())
-    for answer in answers[1:]:
-        assert answer.label == answers[0].label
-        assert answer.robot_in_object == pytest.approx(answers[0].robot_in_object, abs=1e-6)
-        assert answer.probabilities == pytest.approx(answers[0].probabilities, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -237,12 +209,6 @@ def test_extreme_options_work(options):
         assert plane.sum(axis=(1, 2)) == pytest.approx(list(got.probabilities.values()), abs=1e-9)
 
 
-@pytest.mark.parametrize("option", [{"cells": 0}, {"halvings": -1}, {"halvings": 9}, {"bins": 0}])
-def test_options_out_of_bounds_are_refused(option):
-    with pytest.raises(InputError, match=next(iter(option))):
-        estimators.create("refined", **option)
-
-
 def test_without_halvings_it_is_the_histogram(small):
     """Both round in float32, each in its own order."""
     plain = estimators.create("histogram", split="9x8x11", likelihood="paper")
@@ -256,15 +222,6 @@ def test_without_halvings_it_is_the_histogram(small):
         assert ours.belief_over_plane().probability == pytest.approx(
             whole.belief_over_plane().probability, abs=1e-5
         )
-
-
-def test_a_symmetric_letter_is_placed_in_one_of_its_copies(small):
-    estimator = shared("refined", small)
-    for seed in range(6):
-        readings, poses, truth = draw_trial(small, "I", 12, np.random.default_rng(50 + seed))
-        got = updated(estimator, readings, poses).estimate()
-        assert got.label == "I"
-        assert placement_error(got.robot_in_object, truth, 2, 50.0) < 1.5
 
 
 def test_hidden_letters_are_found_and_placed(small):

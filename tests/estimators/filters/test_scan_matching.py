@@ -177,17 +177,6 @@ def _bounded(split):
     return _KNOWN[split]
 
 
-def test_where_nothing_differs_the_bound_is_what_the_bins_have(scan):
-    """Off the map every bin is alike: a bound above that would have all of them looked at."""
-    estimator = made(scan, "40x40x8")
-    estimator.reset(np.random.default_rng(0))
-    # In the filter's own frame; `update` would begin the sequence at a first touch that is so far away.
-    estimator.field.append(estimator.likelihood.evidence(scan.readings[0]), np.array([1e3, 0, 0]))
-    estimator.measure()
-    assert estimator.work["likelihood_evaluations"] == len(LETTERS)
-    assert estimator.certificate().lead == 0
-
-
 def test_letters_and_poses_are_found_to_a_bin(scan):
     known = make_scan(LETTERS, poses=paper_poses(positions=7, angles=12))
     known.meta["objects"] = {

@@ -109,11 +109,6 @@ def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_o
     assert found == pytest.approx(known(2.0 * (1 + share)), rel=0.15)
 
 
-def test_a_position_that_is_in_the_map_never_makes_it_worse():
-    assert trust_learning._at_a_new_place(3.0, 2.0) == trust_learning._at_a_new_place(2.0, 2.0) == 2.0
-    assert trust_learning._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])
 def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkeypatch, correlation):
@@ -129,24 +124,6 @@ def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkey
         learned_from(monkeypatch, gaussian(np.random.default_rng(seed), 2.0, spoil)) for seed in (1, 2, 3)
     ]
     assert np.mean(found, axis=0) == pytest.approx(known(2.0), rel=0.15)
-
-
-@pytest.mark.parametrize("readings", [2, 3, 8, 12, 19, 50])
-def test_with_few_training_readings_growth_is_that_of_the_sequences_there_are(monkeypatch, readings):
-    def typical(log_p, count, shift, size, rng):
-        used = min(len(log_p[0]), count)
-        return trust_learning._Typical(1.5 + 0.8 * math.log(used), 0.9 - 0.3 / used, used)
-
-    nothing_known = trust_learning._LeftOut(np.zeros((readings, trust_learning._MOVES)), np.zeros(readings))
-    monkeypatch.setattr(trust_learning, "_typical", typical)
-    monkeypatch.setattr(trust_learning, "_left_out", lambda *ignored: [nothing_known])
-    learned = learn_trust(None, SCAN)
-    if readings <= trust_learning.FEW:
-        assert learned.growth == 0
-        assert learned._seen(10) == learned.few
-    else:
-        assert (learned.growth, learned.own) == pytest.approx((0.8, 1.5))
-        assert [learned._seen(n) for n in (3, 20)] == pytest.approx([0.9 - 0.3 / 3, 0.9 - 0.3 / 20])
 
 
 def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
@@ -177,14 +154,6 @@ def test_it_is_learned_from_training_readings_alone(likelihood):
     assert 0 < weights[0](20) <= weights[0](1) <= 2
 
 
-def test_moves_come_in_pairs_there_and_back():
-    shift, size, states = trust_learning._moves(np.array([3.0, -2.0]))
-    half = len(size) // 2
-    assert shift[:half] == pytest.approx(-shift[half:])
-    assert states[2, :half] == pytest.approx(-states[2, half:])
-    assert size[:half] == pytest.approx(size[half:])
-
-
 def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     scan = make_scan("EI", poses=paper_poses(3, 4))
     estimator = create("refined", likelihood="paper", bins=500)
@@ -209,11 +178,6 @@ def expected_influence(learned, readings):
 
 
 LEARNED = trust_learning.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
-
-
-@given(st.integers(1, 500))
-def test_readings_that_err_as_those_of_training_count_as_they_do(readings):
-    assert LEARNED.given(readings, expected_influence(LEARNED, readings)) == pytest.approx(LEARNED(readings))
 
 
 @given(st.integers(2, 500), st.floats(0, 10), st.floats(0.01, 10))
@@ -245,20 +209,6 @@ def test_the_jackknife_sees_all_of_a_normal_error(monkeypatch, too_sure):
     assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
 
 
-def test_one_reading_of_a_letter_tells_nothing_of_how_readings_disagree(monkeypatch):
-    whole = gaussian(np.random.default_rng(1), 2.0)
-
-    def one_reading(left_out):
-        return trust_learning._LeftOut(left_out.log_p[:1], left_out.most[:1])
-
-    monkeypatch.setattr(
-        trust_learning, "_left_out", lambda *of: [one_reading(left_out) for left_out in whole(*of)]
-    )
-    learned = learn_trust(None, SCAN)
-    assert learned.few == learned.many == 0
-    assert learned.given(9, 5.0) == learned(9)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
     rng = np.random.default_rng(seed)
@@ -279,26 +229,6 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
         assert mostly_held(log_p, np.arange(40), weight, log_volume, along, share) == answers[-1]
         assert sorted(order) == list(range(40))
     assert 0 < np.mean(answers) < 1
-
-
-def test_as_many_as_the_share_are_not_more_than_it():
-    # One move; with it nowhere near the mean, and at it, nothing or all of the belief is nearer than no move at all.
-    held, left_out = np.array([0.0, -100.0]), np.array([-100.0, 0.0])
-    shift = np.array([[0.0, 1.0], [0.0, 0.0]])
-    for count in range(11):
-        log_p = np.array([held] * count + [left_out] * (10 - count))
-        assert mostly_held(log_p, np.arange(10), 1.0, np.zeros(2), shift, 0.5) == (count > 5)
-
-
-def test_what_all_moves_have_in_common_changes_nothing():
-    rng = np.random.default_rng(4)
-    log_p, shift = rng.normal(scale=200, size=(40, 64)), rng.normal(size=(2, 64))
-    for share in np.linspace(0.05, 0.95, 19):
-        found = [
-            mostly_held(log_p + offset, np.arange(40), 1.0, np.zeros(64), shift, share)
-            for offset in (0.0, -1e5)
-        ]
-        assert found[0] == found[1]
 
 
 def test_readings_are_summed_and_mirrored_ones_with_every_move_the_other_way():
@@ -325,8 +255,3 @@ def test_one_sequence_of_training_in_twenty_is_badly_explained():
     sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
     assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
     assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))
-
-
-def test_without_left_out_readings_nothing_counts_as_badly_explained(monkeypatch):
-    monkeypatch.setattr(trust_learning, "_left_out", lambda *_: None)
-    assert learn_trust(None, SCAN).misfit.unexplained(5, 1e9) == 0

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError, Scan, transform
+from tactsim.core import Scan, transform
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.calibrated import _blurred, steepness
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
@@ -40,10 +40,6 @@ def test_calibrate_counts_by_brute_force():
     assert got(-100.0) == pytest.approx(got.probability[:, 0])
 
 
-def test_quantile_edges_divide_into_equal_parts():
-    assert quantile_edges(np.arange(101.0), 4).tolist() == [25, 50, 75]
-
-
 @pytest.mark.parametrize("bins", [43, 64, 127, 128, 1000])
 def test_any_number_of_bins_is_counted_however_narrow_the_classes_are(bins):
     rng = np.random.default_rng(bins)
@@ -52,11 +48,6 @@ def test_any_number_of_bins_is_counted_however_narrow_the_classes_are(bins):
     wide, narrow = (calibrate(feature, kinds.astype(kind), 3, edges) for kind in (np.int64, np.int8))
     assert np.array_equal(narrow.probability, wide.probability)
     assert narrow.probability.shape == (3, bins)
-
-
-def test_features_that_are_all_equal_make_one_bin():
-    got = calibrate(np.zeros(5), np.array([0, 0, 1, 2, 0]), 3, quantile_edges(np.zeros(5), 16))
-    assert got(3.0) == pytest.approx([4 / 8, 2 / 8, 2 / 8])
 
 
 def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
@@ -161,8 +152,3 @@ def test_any_filter_can_be_given_it_and_the_histogram_gains_by_it(scan):
     # Over 80 trials: 14 wrong with the paper's, 2 with the calibrated one.
     assert wrong["paper"] >= 3
     assert wrong["calibrated"] <= 2, wrong
-
-
-def test_an_unknown_likelihood_is_named_with_the_known_ones():
-    with pytest.raises(InputError, match=r"unknown likelihood 'calibrate'.*calibrated"):
-        estimators.create("histogram", likelihood="calibrate")

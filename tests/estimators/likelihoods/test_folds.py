@@ -1,7 +1,5 @@
 """Parts of the training readings: by position, alike in size, and no neighbours together."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,14 +34,6 @@ def test_presses_at_one_position_are_in_one_part_and_parts_are_alike():
     assert np.bincount(part).tolist() == [len(poses) // FOLDS] * FOLDS
 
 
-def test_neighbours_are_in_different_parts():
-    poses = paper_poses(4, 1)
-    part, step = folds(pressed_at(poses)), np.diff(np.unique(poses[:, 0])).min()
-    apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
-    near = (apart > 0) & (apart < 1.1 * step)
-    assert not (near & (part[:, None] == part)).any()
-
-
 def test_presses_are_dealt_out_so_that_every_position_is_in_every_part():
     poses = paper_poses(4, 12)
     shuffled = np.random.default_rng(0).permutation(len(poses))
@@ -58,14 +48,6 @@ def test_presses_are_dealt_out_so_that_every_position_is_in_every_part():
     assert np.bincount(presses(pressed_at(poses[::12]))).tolist() == [4] * FOLDS
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 9])
-def test_few_positions_make_fewer_parts_and_one_position_is_divided_by_presses(count):
-    poses = np.repeat(np.column_stack([5.0 * np.arange(count), np.zeros((count, 2))]), 6, axis=0)
-    scan = pressed_at(poses)
-    assert positions(scan).max() + 1 == count
-    assert len(set(folds(scan))) == (FOLDS if count == 1 else min(count, FOLDS))
-
-
 @pytest.mark.parametrize("divide", [folds, presses])
 def test_readings_of_one_press_are_in_one_part_and_parts_are_those_of_whole_presses(divide):
     poses = np.random.default_rng(0).uniform((-8, -8, 0), (8, 8, 6), (21, 3))
@@ -77,14 +59,6 @@ def test_readings_of_one_press_are_in_one_part_and_parts_are_those_of_whole_pres
     whole = divide(pressed_at(poses))
     assert np.array_equal(part, whole[number - 100])
     assert max(len(set(divide(pressed_at(cut))[number.argsort()][k : k + 4])) for k in range(0, 84, 4)) > 1
-
-
-def test_moments_of_presses_at_one_pose_are_divided_by_presses():
-    number = np.repeat(np.arange(8), 3)
-    scan = pressed_at(np.zeros((24, 3)), number)
-    for part in (folds(scan), presses(scan)):
-        assert all(len(set(part[number == press])) == 1 for press in range(8))
-        assert np.bincount(part).tolist() == [6] * FOLDS
 
 
 def test_windows_of_an_object_that_was_never_moved_are_divided_by_their_places():
@@ -111,14 +85,6 @@ def test_presses_whole_turns_apart_lie_just_alike(turns, angle):
     assert values.tolist() == [2.0, 6.0, 2.0, 6.0]
     assert weight.tolist() == [2.0] * 4
     assert load_levels(poses, np.array([[1.0], [2.0]])).tolist() == [2, 4]
-
-
-def test_parts_are_divided_letter_by_letter():
-    scan = pressed_at(paper_poses(3, 4), np.arange(36))
-    both = replace(scan, labels=np.where(np.arange(36) % 3, "A", "E"))
-    part = by_letter(folds, both)
-    for label in "AE":
-        assert np.array_equal(part[both.labels == label], folds(both.where(label=label)))
 
 
 def test_a_taxel_beyond_what_others_felt_is_not_touched_elsewhere():

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from synthetic import make_scan, paper_poses, pressures, scores
+from synthetic import make_scan, pressures, scores
 
 from tactsim import estimators
 from tactsim.core import Scan, transform
 from tactsim.estimators.field.tables import tabulate
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.force import gains, lehmer_mean
+from tactsim.estimators.likelihoods.force import lehmer_mean
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 from tactsim.press import ScanOptions, scan_letters
@@ -51,12 +51,6 @@ def told(model, label, xy, reading):
     return (tables[evidence.table, ..., terms] * evidence.weight.reshape(-1, *[1] * (xy.ndim - 2))).sum(
         axis=0
     )
-
-
-def test_the_lehmer_mean_mean_by_hand():
-    assert lehmer_mean(np.array([1.0, 2.0, -5.0])) == pytest.approx((1 + 16) / (1 + 8))
-    assert lehmer_mean(np.array([[7.0, 7.0], [0.0, 0.0], [-3.0, -1.0]])) == pytest.approx([7, 0, 0])
-    assert lehmer_mean(np.array([1e300, 1e300])) == pytest.approx(1e300)
 
 
 @settings(max_examples=30, deadline=None)
@@ -103,12 +97,6 @@ def test_gains_and_dead_taxels_are_found(quiet):
     assert model.evidence(spoilt).weight == pytest.approx(model.evidence(reading).weight)
 
 
-def test_an_taxel_that_was_never_pressed_has_a_gain_of_one():
-    felt = np.array([[2.0, 0.1, 1.0], [1.0, 0.3, 0.5]])
-    predicted = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, 0.5]])
-    assert gains(felt, predicted, np.array([1.0, 3.0])) == pytest.approx(np.array([2, 1, 1]) * 3 / 4)
-
-
 def test_its_densities_are_what_new_readings_show(scan):
     model = fitted(scan)
     fresh = make_scan(seed=2).where("test")
@@ -143,23 +131,6 @@ def test_a_reading_is_likeliest_where_it_was_taken(quiet, model):
         assert log_p[0] > log_p[1:].max() - 1
 
 
-@settings(max_examples=60, deadline=None)
-@given(arrays(float, 36, elements=st.floats(-1e300, 1e300)))
-def test_any_reading_is_finite_evidence(model, reading):
-    evidence = model.evidence(reading)
-    evidence.check(64, 36)
-    assert np.bincount(evidence.taxel, evidence.weight, 36) == pytest.approx(0.5)
-    assert np.isfinite(told(model, "L", np.zeros((36, 2)), reading))
-
-
-@pytest.mark.parametrize("value", [0.0, -4.0, 500.0])
-def test_training_readings_without_contrast_are_taken(quiet, value):
-    few = make_scan("E", poses=paper_poses(2, 3))
-    model = fitted(Scan(np.full_like(few.readings, value), few.poses, few.labels, few.split, few.taxel_xy))
-    assert np.isfinite(model.log_tables("E", np.random.default_rng(0).uniform(-20, 20, (100, 2)))).all()
-    assert np.isfinite(told(model, "E", np.zeros((36, 2)), quiet.readings[0]))
-
-
 def over_the_extent(model, tables):
     """The values of one letter on a lattice as large as the extent: tables leave out what is as far away."""
     low, high = model.extent
@@ -183,16 +154,6 @@ def test_finer_tables_say_nearly_the_same(scan):
     likely = np.exp(exact)
     gap = np.abs(middle[:, : exact.shape[1], : exact.shape[2]] - exact)
     assert (gap * likely).sum() / likely.sum() < 0.05  # nats
-
-
-def test_an_estimator_of_its_own_has_it_and_any_filter_can_be_given_it():
-    assert estimators.create("force-mosaic").options.likelihood == "force"
-    for name in ("histogram", "particle", "tempered", "refined"):
-        filter = estimators.create(name, likelihood="force")
-        filter.fit(make_scan("EL", poses=paper_poses(2, 3)))
-        filter.reset(np.random.default_rng(0))
-        filter.update(np.zeros(36), np.zeros(3))
-        assert np.isfinite(filter.estimate().robot_in_object).all()
 
 
 @pytest.mark.slow

@@ -66,16 +66,6 @@ def test_log_tables_are_probabilities_of_grades_and_evidence_names_the_class_of_
     assert np.array_equal(heavy % _GRADES, model.graded(reading * 1e6)[0])
 
 
-@pytest.mark.parametrize("load", [0.3, 3.0])
-def test_the_load_of_a_reading_changes_no_grade(scan, load):
-    model = fitted(scan)
-    test = scan.where("test").readings
-    touching = (test.max(axis=1) > 4 * model.least) & (test.max(axis=1) > 20)
-    assert touching.sum() > 100
-    usual, other = (model.graded(factor * test[touching])[0] for factor in (1, load))
-    assert np.array_equal(usual, other)
-
-
 def test_maps_without_some_readings_are_those_learned_from_the_rest(scan):
     model, train = fitted(scan), scan.where("train")
     gone = np.arange(len(train)) % 3 == 0
@@ -91,15 +81,6 @@ def test_maps_without_some_readings_are_those_learned_from_the_rest(scan):
     expected = prior + steeper * (learned.log_odds_at(xy) - prior)
     assert rest.maps["E"].log_odds_at(xy) == pytest.approx(expected, abs=1e-6)
     assert rest.calibrations is model.calibrations
-
-
-def test_a_scan_in_which_nothing_is_felt_is_fitted(scan):
-    blank = changed(scan, np.zeros_like(scan.readings))
-    estimator = estimators.create("graded", bins=100, halvings=1)
-    estimator.fit(blank)
-    estimator.reset(np.random.default_rng(0))
-    estimator.update(np.zeros(36), [0, 0, 0])
-    assert list(estimator.estimate().probabilities.values()) == pytest.approx([1 / 3] * 3)
 
 
 def test_graded_stands_presses_of_varied_load_and_a_bent_response(scan):

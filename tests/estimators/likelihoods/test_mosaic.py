@@ -65,11 +65,3 @@ def test_it_is_linear_in_what_is_felt(a, b, seed):
     first, _ = learn_mosaic(xy, one, weight, GRID)(places)
     second, _ = learn_mosaic(xy, other, weight, GRID)(places)
     assert both == pytest.approx(a * first + b * second, abs=1e-9)
-
-
-def test_where_nothing_was_felt_it_is_zero():
-    mosaic = learn_mosaic(np.array([[0.0, 0.0]]), np.ones(1), np.ones(1), GRID)
-    value, slope = mosaic(np.array([[4.0, 3.0], [1e6, -1e6], [0.0, 0.0]]))
-    assert value[:2].tolist() == [0, 0]
-    assert slope[:2].tolist() == [0, 0]
-    assert 0.5 < value[2] <= 1

@@ -33,30 +33,6 @@ def test_one_taxel_gives_equation_5_at_every_distance(value, sign, sigma, away):
         assert sigmoid(chart.log_odds_at(direction)) == pytest.approx(expected)
 
 
-def test_taxels_add_up_in_log_odds_and_unknown_ones_add_nothing():
-    # Two in contact at the same place as in two readings; the third, between the limits, is Unknown.
-    pad = [[0.0, 0.0], [0.0, 0.0], [0.1, 0.0]]
-    twice = learn_maps(one_reading([10.0, 10.0, 2.5], taxel_xy=pad))["X"]
-    once = learn_maps(one_reading([10.0]))["X"]
-    start = log_odds(0.2)
-    assert twice.log_odds_at([0.4, 0]) - start == pytest.approx(2 * (once.log_odds_at([0.4, 0]) - start))
-
-
-def test_an_taxel_is_stamped_where_its_pose_puts_it():
-    chart = learn_maps(one_reading(10.0, pose=(3.0, -2.0, math.pi / 2), taxel_xy=[[4.0, 1.0]]))["X"]
-    row, column = np.unravel_index(chart.log_odds.argmax(), chart.log_odds.shape)
-    assert chart.origin + chart.cell * np.array([column, row]) == pytest.approx([2.0, 2.0])
-
-
-@pytest.mark.parametrize("apart", [(30.0, 0.0), (0.0, 30.0)])
-def test_a_map_that_is_longer_than_wide_shows_both_ends_alike(apart):
-    alone = learn_maps(one_reading(10.0))["X"]
-    pair = learn_maps(one_reading([10.0, 10.0], taxel_xy=[[0.0, 0.0], apart]))["X"]
-    near = np.array([[0, 0], [0.7, 0.2], [-0.3, 1.1], [3, -3]])
-    assert pair.log_odds_at(near) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
-    assert pair.log_odds_at(near + apart) == pytest.approx(alone.log_odds_at(near), abs=1e-6)
-
-
 @pytest.mark.parametrize("prior", [0.01, 0.5, 0.99])
 def test_a_map_reaches_as_far_as_an_taxel_says_anything(prior):
     # Where eq. 5 and 6 have fallen to 1e-12, and in whole cells not a cell further than that.
@@ -68,17 +44,6 @@ def test_a_map_reaches_as_far_as_an_taxel_says_anything(prior):
     assert (left, bottom) == (pytest.approx(-right), pytest.approx(-top))
     assert max(said(-left), said(right), said(-bottom), said(top)) < 3e-12
     assert min(said(-left - 0.2), said(right - 0.2), said(-bottom - 0.2), said(top - 0.2)) > 1e-13
-
-
-def test_the_order_of_readings_does_not_matter():
-    scan = make_scan("E", poses=paper_poses(3, 4))
-    shuffled = np.random.default_rng(0).permutation(len(scan))
-    other = Scan(
-        scan.readings[shuffled], scan.poses[shuffled], scan.labels[shuffled], scan.split[shuffled],
-        scan.taxel_xy,
-    )  # fmt: skip
-    first, second = learn_maps(scan)["E"].log_odds, learn_maps(other)["E"].log_odds
-    assert first == pytest.approx(second, abs=1e-9)
 
 
 def test_all_maps_share_a_grid_that_ends_at_the_prior():

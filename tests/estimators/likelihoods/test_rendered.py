@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import make_scan, paper_poses, pressures, square_pad
+from synthetic import paper_poses, pressures, square_pad
 
 from tactsim.core import Scan, transform
 from tactsim.estimators.likelihoods.force import ForceLikelihood
@@ -51,14 +51,6 @@ def test_slopes_and_noise_are_those_of_the_presses():
     assert noisy.noise == pytest.approx(4.0, rel=0.25)
 
 
-def test_poses_are_around_the_training_positions_and_letters_in_their_order():
-    found = rendering(pressed())
-    assert found.gap == pytest.approx(20.4 / 4)
-    readings, letter = found.draw(50, np.random.default_rng(0))
-    assert readings.shape == (100, 36)
-    assert letter.tolist() == [0] * 50 + [1] * 50
-
-
 def test_virtual_readings_are_like_those_that_are_pressed_there():
     """Without noise and slopes, at the poses that the generator draws, against the shape itself."""
     found = rendering(pressed(noise=0.0))
@@ -71,11 +63,3 @@ def test_virtual_readings_are_like_those_that_are_pressed_there():
     poses = np.column_stack([place, again.uniform(-np.pi, np.pi, 200)])
     truth = 30 * pressures("L", transform(poses, PAD))
     assert np.corrcoef(mine.ravel(), truth.ravel())[0, 1] > 0.95
-
-
-def test_a_scan_of_one_position_and_of_empty_readings_is_taken():
-    scan = make_scan("L", poses=np.array([[0.0, 0.0, angle] for angle in range(4)])).where("train")
-    assert rendering(scan).gap == 0
-    blank = Scan(np.zeros_like(scan.readings), scan.poses, scan.labels, scan.split, scan.taxel_xy)
-    readings, _ = rendering(blank).draw(5, np.random.default_rng(0))
-    assert np.isfinite(readings).all()

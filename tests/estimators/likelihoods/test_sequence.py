@@ -110,24 +110,6 @@ def test_one_image_and_a_touch_that_never_rests_count_as_the_last_image(scan, tw
         assert terms.weight.tolist() == last.weight.tolist()
 
 
-def test_a_recognition_from_sequences_is_right(scan, two):
-    for label in "EIL":
-        sequences, _, poses = touches(scan, label, 10)
-        p = answers(two, sequences, poses)[-1]
-        assert max(p, key=p.get) == label
-
-
-def test_sequences_in_another_unit_give_the_same(few):
-    scan = few
-    volts = replace(scan, readings=scan.readings / 50, sequence=scan.sequence / np.float32(50))
-    sequences, _, poses = touches(scan)
-    ours, theirs = (learned(one, fit="auto") for one in (scan, volts))
-    for one, other in zip(
-        answers(ours, sequences, poses), answers(theirs, sequences / 50, poses), strict=True
-    ):
-        assert one == pytest.approx(other, abs=1e-6)
-
-
 def test_what_is_no_sequence_is_refused(scan, two):
     bare = replace(scan, sequence=None, sequence_times=None, sequence_force=None)
     with pytest.raises(InputError, match="one image of each press"):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import make_scan, paper_poses, pressures, square_pad
+from synthetic import paper_poses, pressures, square_pad
 
 from tactsim.core import Scan, compose, invert, transform
 from tactsim.estimators.likelihoods.occupancy import learn_maps
@@ -105,24 +105,3 @@ def test_the_slope_of_the_search_is_that_of_finite_differences(mosaics, scan):
     # The mosaic's own slopes are interpolated beside its values: they differ a little.
     assert slope == pytest.approx(falls, rel=0.2, abs=0.05 * np.abs(falls).max())
     assert (np.linalg.eigvalsh(curvature) > 0).all()
-
-
-def test_some_of_the_letters_are_as_in_all(mosaics, scan):
-    some = mosaics.of(["L"])
-    assert list(some.mosaics) == ["L"]
-    readings, poses = scan.readings[-3:], scan.poses[-3:]
-    assert (
-        some.misfits("L", np.zeros(3), readings, poses) == mosaics.misfits("L", np.zeros(3), readings, poses)
-    ).all()
-    assert set(mosaics.mosaics) == {"E", "L"}
-
-
-@pytest.mark.parametrize("felt", [0.0, -1.0, 1e6])
-def test_readings_without_contrast_can_be_learned_from(felt):
-    scan = make_scan("IL", poses=POSES[:40])
-    flat = Scan(np.full_like(scan.readings, felt), scan.poses, scan.labels, scan.split, scan.taxel_xy)
-    mosaics = TiltedMosaics(LikelihoodOptions())
-    mosaics.fit(flat, learn_maps(flat))
-    assert np.isfinite(mosaics.misfits("I", np.zeros(3), flat.readings, flat.poses)).all()
-    assert np.isfinite(mosaics.fitting_pose("I", np.zeros(3), flat.readings[:4], flat.poses[:4])).all()
-    assert all(np.isfinite(part).all() for part in mosaics.left_out("L"))
