@@ -9,7 +9,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 import tactsim.env
 from tactsim.bench import tasks
 from tactsim.core import InputError, compose, invert
-from tactsim.env.reward import entropy
 from tactsim.env.touch_spaces import say_action, touch_action
 from tactsim.estimators import NONE, create
 
@@ -51,13 +50,6 @@ def test_every_task_passes_gymnasiums_checker_without_a_warning(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(make(name))
-
-
-@pytest.mark.parametrize("options", [{"belief": "histogram", "information": 1.0}, {"fast": True}])
-def test_its_options_pass_the_checker_too(options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(make("tactsim/slip-v1", **options))
 
 
 def test_a_seed_gives_the_same_bits_again_and_another_seed_does_not():
@@ -136,12 +128,6 @@ def test_an_estimator_that_would_end_the_program_is_a_failure(verb):
     with pytest.raises(RuntimeError, match="the estimator histogram ended the program"):
         env.step(env.touch(POSES[0]))
         env.reset()
-
-
-def test_the_training_readings_are_all_that_there_is_of_the_scan():
-    scan = make("tactsim/open-set-v1").scan
-    assert set(scan.split) == {"train"}
-    assert scan.letters == ("A", "E", "I", "O", "U")
 
 
 @pytest.mark.parametrize("right", [True, False])
@@ -325,13 +311,6 @@ def test_a_wrong_action_is_refused_in_one_line_and_touches_nothing(change, said)
     assert same(env.step(env.touch(POSES[1]))[0], seen[2])
 
 
-def test_gymnasiums_wrapper_cuts_what_is_beyond_the_reach():
-    env = gymnasium.wrappers.ClipAction(make(fast=True))
-    env.reset(seed=0)
-    observation, *_ = env.step(3 * np.array([1, -1, 0, -1, 0, 0, 0, 0, 0], dtype=np.float32))
-    assert observation["pose"] == pytest.approx([12, -12, 0])
-
-
 def test_a_pose_or_a_label_that_is_none_makes_no_action():
     env = shared("tactsim/slip-v1")
     for pose in ((0, 0), (0, 0, np.inf), "here", None):
@@ -342,11 +321,6 @@ def test_a_pose_or_a_label_that_is_none_makes_no_action():
     for label in (None, 3, ["A"]):
         with pytest.raises(InputError, match=r"unknown label .*: known are A, E"):
             env.say(label)
-
-
-def test_nothing_is_the_right_answer_before_a_reset():
-    with pytest.raises(ResetNeeded, match="call reset"):
-        _ = make(fast=True).answer
 
 
 @pytest.mark.parametrize(
@@ -378,32 +352,11 @@ def test_a_wrong_option_is_refused_in_one_line(options, said):
     assert "\n" not in str(caught.value)
 
 
-def test_a_closed_environment_says_so():
-    env = make()
-    env.reset(seed=0)
-    env.close()
-    env.close()
-    for call in (env.reset, lambda: env.step(env.touch(POSES[0]))):
-        with pytest.raises(ClosedEnvironmentError):
-            call()
-
-
-def test_an_episode_has_to_begin_with_a_reset():
-    env = make()
-    with pytest.raises(ResetNeeded):
-        env.step(env.touch(POSES[0]))
-
-
 def test_the_forward_model_presses_almost_the_same():
     own, _ = episode(make(), 1, POSES)
     fast, _ = episode(make(fast=True), 1, POSES)
     for one, other in zip(own, fast, strict=True):
         assert one["reading"] == pytest.approx(other["reading"], abs=0.71)  # a step of the reading
-
-
-@pytest.mark.parametrize(("p", "nats"), [([1, 0], 0), ([0.5, 0.5], np.log(2)), ([0.2] * 5, np.log(5))])
-def test_entropy_is_that_of_closed_forms(p, nats):
-    assert entropy(np.array(p)) == pytest.approx(nats)
 
 
 def test_without_gymnasium_one_line_names_the_extra():

@@ -64,17 +64,6 @@ def test_many_at_once_give_the_bits_of_one_by_one(mode, options):
     assert ended.all()
 
 
-def test_seeds_may_be_given_one_by_one_and_random_numbers_go_on_without():
-    together, apart = many(2), one_by_one(2, AutoresetMode.NEXT_STEP, 20)
-    for seed in ([7, None], None, [None, 3]):
-        first, second = together.reset(seed=seed), apart.reset(seed=seed)
-        if seed is None or None not in seed[:1]:
-            assert equal(first[0]["pose"], second[0]["pose"])
-    actions = np.tile(touch(together), (2, 1))
-    first, second = together.step(actions)[0], apart.step(actions)[0]
-    assert np.array_equal(first["reading"][1], second["reading"][1])
-
-
 def touch(env):
     return tactsim.env.touch_spaces.touch_action([1.0, 2.0, 0.5], env.labels, env.reach)
 

@@ -62,12 +62,6 @@ def test_the_forward_model_presses_with_the_same_errors_and_loads(tmp_path):
     assert own.max() > 40
 
 
-def test_worlds_are_shared_by_those_who_ask_for_the_same(letters):
-    assert world("letters-offgrid-v1", 0, {}, False) is letters
-    assert world("letters-offgrid-v1", 1, {}, False) is not letters
-    assert world("letters-offgrid-v1", None, {"walk_mm": 1}, False).slip.walk_mm == 1
-
-
 def test_a_task_of_a_file_has_no_environment(tmp_path, letters):
     (tmp_path / "mine-v1.toml").write_text(TASK + 'scan = "mine.npz"\n')
     (tmp_path / "each-v1.toml").write_text(TASK + 'hold_out = "each"\n')
