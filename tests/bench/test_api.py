@@ -1,6 +1,5 @@
 """The face for Python: what a user types in a notebook."""
 
-import inspect
 import json
 import subprocess
 import sys
@@ -13,14 +12,10 @@ from made_up import make_run
 from matplotlib.figure import Figure
 
 import tactsim
-from tactsim.bench.config import RunConfig, ScanWords, run_config, scan_options
-from tactsim.bench.experiment import perform
+from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.report.recognition import readings_of
 from tactsim.bench.results import load, save, to_json
-from tactsim.bench.runs.figures import readings_figure
 from tactsim.bench.runs.naming import task_name
-from tactsim.bench.score import error_limits
-from tactsim.bench.terminal import details
 from tactsim.core import InputError
 from tactsim.estimators import Options
 
@@ -64,20 +59,6 @@ def test_readings_that_are_given_give_what_pressed_ones_give(scan, run):
     assert np.array_equal(scan.readings, tactsim.scan(letters=["A", "E"]).readings)
 
 
-def test_a_short_run_without_options_is_told_as_it_is(scan):
-    """An estimator without options leaves no empty brackets, and what is not drawn is not in the key."""
-    short = tactsim.run(scan, estimator="nearest", trials=1, readings=1, seed=3)
-    assert repr(short).startswith("<Run of nearest, 2 trials of 1 reading over")
-    figure = readings_figure(short)
-    assert figure.get_suptitle().startswith("nearest\n2 trials, ")
-    key = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
-    assert np.isnan(short.bound_mm).all()
-    assert "Cramer-Rao bound" not in key
-    assert details(short)[0].startswith(
-        "95 % of the trials right and staying so: not yet by reading 1, half: not yet"
-    )
-
-
 def test_a_runs_configuration_does_it_again():
     pressed = tactsim.run(letters="AE", noise=1.5, hold_out="E", **WORDS)
     assert tactsim.run(**pressed.config).summary == pressed.summary
@@ -115,14 +96,6 @@ def test_curves_are_drawn_on_axes_of_the_users_own(run):
     assert run.plot(ax=one) is one
     with pytest.raises(tactsim.InputError, match="one for the accuracy or two"):
         run.plot(ax="here")
-
-
-def test_an_axis_of_errors_does_not_collapse_where_a_method_copies_a_pose():
-    assert error_limits([[5e-15, 3.0, np.nan]]) == (0.01, pytest.approx(3.9))
-    assert error_limits([[5e-15, 3.0]], [0.08, 0.04, np.nan]) == (0.02, pytest.approx(3.9))
-    assert error_limits([[5e-15]], []) == (0.01, 0.1)
-    assert error_limits([[2.0, 4.0]], [0.1]) == (pytest.approx(0.1 / 1.3), pytest.approx(5.2))
-    assert error_limits([[np.nan]]) == (0.1, 10.0)
 
 
 def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path):
@@ -269,23 +242,6 @@ def test_an_estimator_without_options_is_refused(scan):
         tactsim.run(scan, estimator=Bare())
 
 
-def test_progress_is_silent_unless_asked_for(scan, capfd):
-    tactsim.run(scan, **WORDS)
-    assert capfd.readouterr() == ("", "")
-    tactsim.run(scan, **WORDS, progress=True)
-    out, err = capfd.readouterr()
-    assert not out
-    assert "trials" in err
-
-
-def test_the_signatures_name_every_word_of_the_command_line():
-    of_run, of_scan = (inspect.signature(function).parameters for function in (tactsim.run, tactsim.scan))
-    assert set(RunConfig.model_fields) - {"given"} <= set(of_run)
-    assert set(ScanWords.model_fields) <= set(of_scan)
-    assert of_run["trials"].default == 10
-    assert "given" not in of_run
-
-
 HOSTILE = "<img src=x onerror=alert(1)> $\\frac$ & \"'"
 
 
@@ -332,20 +288,6 @@ print(tactsim.press("A", pose=(1, 0, 0.5)).reading.shape)
     assert done.stdout == "(36,)\n"
 
 
-def test_a_press_is_that_of_the_letter():
-    from tactsim.models import letter
-
-    pose = (3.0, -2.0, 0.7)
-    by_name, by_letter = tactsim.press("E", pose), tactsim.press(letter("E"), pose=pose)
-    assert np.array_equal(by_name.ideal, by_letter.ideal)
-    assert np.array_equal(by_name.ideal, tactsim.press_letter(letter("E"), pose).ideal)
-
-
-def test_the_command_line_and_python_do_the_same(run, scan):
-
-    assert perform(run_config(letters="AE", **WORDS)).summary == run.summary
-
-
 def test_the_face_takes_what_the_command_line_takes():
     dotted, nested = {"press.force": 3.0, "pad.seam": None}, {"press": {"force": 3.0}, "pad": {"seam": None}}
     options = [scan_options(letters="A", scan_set=words) for words in (dotted, nested)]
@@ -353,27 +295,6 @@ def test_the_face_takes_what_the_command_line_takes():
     assert (options[0].press.force, options[0].pad.seam) == (3.0, None)
     assert scan_options(shapes="key.svg").shapes == scan_options(shapes=["key.svg"]).shapes == ("key.svg",)
     assert scan_options(letters=np.array(["A", "E"])).letters == ("A", "E")
-
-
-WRONG_SCANS = {
-    "a force twice": (
-        {"scan_set": {"press": {"force": 2}, "press.force": 3}},
-        "scan_set: press.force is given twice",
-    ),
-    "a group as a value": ({"scan_set": {"press.force": 3, "press": 2}}, "scan_set: press is given twice"),
-    "letters": ({"letters": 5}, "letters.*got 5"),
-    "a small letter": ({"letters": "a"}, "did you mean 'A'"),
-    "letters as a number": ({"letters": 5}, "letters: give letters, as 'AEIOU' or a list, got 5"),
-    "noise": ({"noise": float("nan")}, "noise: give a finite number, got nan"),
-    "jobs": ({"letters": "A", "jobs": 0}, "jobs is 0"),
-    "jobs as text": ({"letters": "A", "jobs": "2"}, "jobs is '2'"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG_SCANS)
-def test_wrong_words_of_a_scan_are_refused_in_one_line(case):
-    words, said = WRONG_SCANS[case]
-    refused_in_one_line(said, tactsim.scan, **words)
 
 
 def test_wrong_words_of_a_run_that_presses_are_refused_in_one_line():
@@ -387,12 +308,6 @@ def test_what_options_say_together_is_refused_without_repeating_them_all(scan):
         tactsim.run(scan, world="ideal")
     said = "run: world says how letters are pressed, but the readings are given; leave it out"
     assert str(caught.value) == said
-
-
-def test_a_run_is_done_again_from_its_configuration(run, scan):
-    pressed = tactsim.run(letters="AE", **WORDS)
-    assert tactsim.run(**pressed.config).summary == pressed.summary
-    assert tactsim.run(**run.config | {"scan": scan}).summary == run.summary
 
 
 def test_a_run_on_given_readings_is_not_done_again_on_others(run):
@@ -419,14 +334,6 @@ def test_scans_to_train_on_are_taken_as_scans_and_as_files(scan, tmp_path):
             tactsim.run(**tested, train_scan=other, **WORDS)
 
 
-def test_an_estimator_made_by_name_is_known_by_it(run, scan):
-    rest = {name: value for name, value in WORDS.items() if name not in ("estimator", "bins")}
-    made = tactsim.run(scan, estimator=tactsim.create("histogram", bins=1000), **rest)
-    assert made.estimator == "histogram"
-    assert made.summary == run.summary
-    assert tactsim.run(**made.config | {"scan": scan}).summary == run.summary
-
-
 def test_nothing_is_written_over(run, tmp_path):
     run.save(tmp_path / "run")
     with pytest.raises(InputError, match="holds something already"):
@@ -437,34 +344,6 @@ def test_nothing_is_written_over(run, tmp_path):
     with pytest.raises(InputError, match=r"run\.txt: the report is a page"):
         run.report(tmp_path / "run.txt")
     assert sorted(tmp_path.rglob("*")) == before
-
-
-WRONG_PRESSES = {
-    "letter": ((5,), {}, "letter is 5"),
-    "pose": (("A", "x"), {}, "only numbers"),
-    "two numbers": (("A", (1, 2)), {}, "three numbers"),
-    "options": (("A",), {"options": {"force": 3}}, "ScanOptions"),
-    "a seed": (("A",), {"rng": 0}, "default_rng"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG_PRESSES)
-def test_a_wrong_press_is_refused_in_one_line(case):
-    words, named, said = WRONG_PRESSES[case]
-    with pytest.raises(InputError, match=said) as caught:
-        tactsim.press(*words, **named)
-    assert "\n" not in str(caught.value)
-
-
-def test_without_the_cache_nothing_is_kept(own_cache):
-    tactsim.run(letters="I", estimator="nearest", trials=1, readings=2, cache=False)
-    assert [path for path in own_cache.rglob("*") if path.suffix == ".readings"] == []
-
-
-def test_a_picture_counts_whole_readings(run):
-    figure = run.plot()
-    for ax in figure.axes:
-        assert [tick for tick in ax.get_xticks() if tick % 1] == []
 
 
 @pytest.mark.parametrize("moments", [2, "2"])

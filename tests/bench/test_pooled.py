@@ -70,12 +70,6 @@ def test_figures_are_those_of_all_trials():
     assert dataclasses.astuple(none) == (None, None, None)
 
 
-def test_when_all_is_alike_the_interval_is_the_figure():
-    (one,) = pool([of_labels(np.ones((5, 2)), seed) for seed in range(5)])
-    assert dataclasses.astuple(one.mean(one.trials.right[:, 0])) == (1, 1, 1)
-    assert cell(one, "settled_95") == "1"
-
-
 @pytest.mark.parametrize(("spread", "at_least"), [(0.0, 0.95), (0.1, 0.84)])
 def test_intervals_hold_the_truth_about_as_often_as_the_documentation_says(spread, at_least):
     # Five scans whose accuracy is 0.8, and differs by `spread` between scans (sd); 50 trials each. The intervals hold

@@ -3,9 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from page_tables import fill, main
@@ -15,7 +12,6 @@ from typer.testing import CliRunner
 from tactsim.bench.cli.app import app
 from tactsim.core import InputError
 
-TOOL = Path(__file__).parents[2] / "docs" / "tools" / "page_tables.py"
 SWEEP = """
 [defaults]
 letters = "IO"
@@ -135,22 +131,3 @@ def test_a_figure_of_fewer_than_five_scans_is_refused(folder, tmp_path):
             shutil.rmtree(run)
     with pytest.raises(InputError, match="s has 4 seeds; a published figure takes 5 at least"):
         fill(PAGE, tmp_path)
-
-
-def test_sweeps_of_different_commits_are_refused(folder, tmp_path):
-    shutil.copytree(folder / "results" / "sweeps" / "s", tmp_path / "s")
-    changed = next((tmp_path / "s" / "runs").iterdir()) / "run.json"
-    content = json.loads(changed.read_text())
-    changed.write_text(json.dumps(content | {"commit": "f" * 40}))
-    with pytest.raises(InputError, match=r"different commits, .*ffffffffffff"):
-        fill(PAGE, tmp_path)
-
-
-@pytest.mark.long
-def test_a_table_without_an_end_is_refused_and_the_page_stays(folder):
-    (folder / "cut.md").write_text("<!-- table: s; right@1 -->\nold\n")
-    command = [sys.executable, TOOL, "cut.md"]
-    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert ended.returncode == 2
-    assert ended.stderr == "tables: cut.md: `<!-- table: ... -->` has no `<!-- end of table -->`\n"
-    assert (folder / "cut.md").read_text() == "<!-- table: s; right@1 -->\nold\n"

@@ -7,14 +7,11 @@ import signal
 import subprocess
 import time
 
-import numpy as np
 import pytest
 
 from tactsim.bench import results
 from tactsim.core import Scan
-from tactsim.core.reading import Reading
-from tactsim.hardware.device import load_device
-from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
+from tactsim.hardware.recording import Kind, RecordReader, check_whole
 
 
 def sweep_of(scan, trials):
@@ -178,27 +175,3 @@ def test_a_recording_killed_again_and_again_loses_nothing(bench, kills):
     again = bench("replay", "I.tactrec", "--scan", "again.npz")
     assert again.returncode == 0, again.stderr
     assert Scan.load(bench.folder / "again.npz").digest == Scan.load(out).digest
-
-
-def test_a_recording_killed_before_it_began_is_begun_again(bench):
-    (bench.folder / "I.tactrec").write_bytes(b"\x89TACTREC\r\n\x1a\n" + b"\x01\x00")
-    with Recorder(bench.folder / "quiet.tactrec") as recorder:
-        recorder.segment({"device": load_device("emulated").as_json()}, 0.0)
-        for k in range(100):
-            recorder.reading(Reading(np.zeros(36), 0.01 * k))
-    words = [
-        "record",
-        "--letter",
-        "I",
-        "--out",
-        "I.npz",
-        "--frames",
-        "2",
-        "--poses",
-        "random:1",
-        "--patience",
-        "0.1",
-    ]
-    result = bench(*words, "--resume", "--port", "recording:quiet.tactrec")
-    assert result.returncode == 0, result.stderr
-    assert len(Scan.load(bench.folder / "I.npz")) == 1

@@ -9,12 +9,7 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-
-from tactsim.bench.tasks import task
-from tactsim.bench.tasks.data import hash_data
-from tactsim.core import Scan
 
 HIDDEN = """
 import builtins, os, select, signal, sys
@@ -108,45 +103,9 @@ def test_a_run_and_its_report(elsewhere, scan):
     assert (elsewhere.folder / "page.html").is_file()
 
 
-@pytest.mark.long
-def test_a_submission_and_its_check(elsewhere, scan, monkeypatch):
-    monkeypatch.chdir(elsewhere.folder)
-    words = (
-        'line = "Small."\nseeds = [0, 1, 2, 3, 4]\ntrials = 1\nreadings = 2\nscored = ["accuracy@2"]\n'
-        f'hashes = [{{}}]\n[words]\nscan = "{scan}"\n'
-    )
-    path = elsewhere.folder / "small-v1.toml"
-    path.write_text(words.format(""))
-    hashes = [hash_data(task("small-v1.toml"), seed) for seed in range(5)]
-    path.write_text(words.format(", ".join(f'"{one}"' for one in hashes)))
-    result = elsewhere("submit", "small-v1.toml", "--estimator", "nearest", "--out", "a.zip")
-    assert result.returncode == 0, result.stderr
-    result = elsewhere("verify", "a.zip")
-    assert result.returncode == 0, result.stdout
-    assert "the same to the bit" in result.stdout
-
-
 def test_a_run_in_worker_processes(elsewhere, scan):
     result = elsewhere("run", "--scan", scan, *SMALL, "--jobs", "2", "--out", "run-2")
     assert result.returncode == 0, result.stderr
-
-
-def test_a_sweep(elsewhere, scan):
-    (elsewhere.folder / "s.toml").write_text(
-        f'[defaults]\nscan = "{scan}"\ntrials = 2\nreadings = 2\n[[run]]\nestimator = "histogram"\nbins = 100\n'
-    )
-    result = elsewhere("sweep", "s.toml", "--out", "sweep")
-    assert result.returncode == 0, result.stderr
-
-
-def test_an_import(elsewhere, scan):
-    known = Scan.load(elsewhere.folder / scan)
-    arrays = {name: getattr(known, name) for name in ("readings", "poses", "labels", "split")}
-    np.savez(elsewhere.folder / "arrays.npz", **arrays)
-    (elsewhere.folder / "pad.toml").write_text("rows = 6\ncolumns = 6\n")
-    result = elsewhere("import", "arrays.npz", "--pad", "pad.toml", "--unit", "kPa", "--out", "imported.npz")
-    assert result.returncode == 0, result.stderr
-    assert len(Scan.load(elsewhere.folder / "imported.npz")) == len(known)
 
 
 def test_a_recording_and_its_replay(elsewhere):

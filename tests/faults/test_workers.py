@@ -1,7 +1,6 @@
 """A worker process that dies: a run says so in one line, a sweep sends its trials out again."""
 
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -16,7 +15,6 @@ from test_kills import sweep_of, whole
 
 from tactsim.bench import experiment, sweep
 from tactsim.core import InputError
-from tactsim.core.npz import MissingArrayError
 from tactsim.core.workers import batches, wait_for, worker_processes
 
 LARGE = 50_000_000  # bytes, far more than a pipe holds
@@ -154,26 +152,11 @@ def test_an_error_that_cannot_be_sent_comes_back_in_words_with_its_place(task, s
         assert pool.submit(abs, -1).result(timeout=60) == 1
 
 
-def test_a_lack_in_a_file_comes_back_as_what_it_is():
-    error = MissingArrayError("poses", ["readings"])
-    again = pickle.loads(pickle.dumps(error))
-    assert (type(again), str(again), again.there) == (MissingArrayError, str(error), error.there)
-
-
 def test_batches_hold_every_task_once_in_its_order_and_never_differ_by_more_than_one():
     for count in (1, 2, 7, 100):
         parts = batches(list(range(count)), 3)
         assert [task for part in parts for task in part] == list(range(count))
         assert max(map(len, parts)) - min(map(len, parts)) <= 1
-
-
-def test_results_come_in_the_order_of_their_batches_and_are_counted_as_they_end():
-    told = []
-    with worker_processes(2) as pool:
-        sent = [(2, pool.submit(abs, -1)), (3, pool.submit(abs, -2)), (1, pool.submit(abs, -3))]
-        assert wait_for(sent, lambda *word: told.append(word)) == [1, 2, 3]
-    assert (told[0], told[-1]) == ((0, 6), (6, 6))
-    assert told == sorted(told)
 
 
 def test_an_error_of_a_worker_ends_the_work_at_once():

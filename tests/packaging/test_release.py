@@ -8,8 +8,6 @@ import pytest
 from building import ROOT
 from release_check import faults
 
-from tactsim.bench.leaderboard.bundle import Record, bundle_hash, write_record
-
 TABLE = "*`bench sweep better`: 5 scans, 500 trials for each figure; commit {}.*\n"
 
 
@@ -77,49 +75,12 @@ def test_a_fault_is_named(ready, name, old, new, said):
     assert any(said in fault for fault in found), found
 
 
-def test_a_table_of_a_commit_that_is_not_before_this_one_is_named(ready):
-    for page in ("README.md", "docs/results.md"):
-        (ready / page).write_text(TABLE.format("0123456789ab"))
-    commit(ready)
-    assert list(faults(ready)) == [
-        "README.md: a table is of commit 0123456789ab, which is none before this one"
-    ]
-
-
 def test_what_is_not_committed_and_a_tag_that_is_taken_are_named(ready):
     git(ready, "tag", "v1.2.0")
     (ready / "docs" / "new.md").write_text("x")
     assert any("docs/new.md and perhaps more is not committed" in fault for fault in faults(ready))
     commit(ready)
     assert list(faults(ready)) == ["the tag v1.2.0 is another commit's: raise the version"]
-
-
-@pytest.mark.parametrize(
-    ("of", "verified", "said"),
-    [
-        (None, True, "one.zip was not verified"),
-        (b"a bundle", False, "one.zip could not be confirmed: trial 3 differs"),
-        (b"another one", True, "is of another file"),
-        (b"a bundle", True, None),
-    ],
-)
-def test_a_bundle_that_is_not_verified_is_named(ready, of, verified, said):
-    """of: what the file held when it was verified; None if it was not."""
-    bundle = ready / "results" / "leaderboard" / "one.zip"
-    bundle.parent.mkdir(parents=True)
-    if of is not None:
-        bundle.write_bytes(of)
-        where = {"processor": "x", "cores": 1, "system": "x"}
-        record = Record(
-            bundle=bundle_hash(bundle), verified=verified, exact=True, said="trial 3 differs", again=1, trials=20,
-            seed=1, machine=where, versions={}, commit=None, made="2026-01-31T00:00:00+00:00",
-        )  # fmt: skip
-        write_record(record, bundle)
-    bundle.write_bytes(b"a bundle")
-    commit(ready)
-    found = list(faults(ready))
-    assert len(found) == (said is not None)
-    assert said is None or said in found[0]
 
 
 def test_versions_of_this_repository_agree(tmp_path):

@@ -57,13 +57,6 @@ def test_matlab_s_ways_of_saving_are_read(compress, tmp_path):
     assert scan.split.tolist() == ["train", "test", "train", "test"]
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".mat"])
-def test_several_pictures_of_each_press_are_averaged(suffix, tmp_path):
-    images = READINGS.reshape(4, 1, 2, 3) + np.array([-1.0, 0.0, 1.0])[None, :, None, None]
-    scan = read_arrays(save(tmp_path / f"a{suffix}", readings=images), NAMES, PAD, "N")
-    assert np.abs(scan.readings - READINGS).max() < 1e-12
-
-
 @pytest.mark.parametrize(
     ("arrays", "says"),
     [
@@ -77,13 +70,6 @@ def test_what_no_run_could_use_is_refused_at_import(arrays, says, tmp_path, here
     save(tmp_path / "a.npz", **arrays)
     refused(here("import", "a.npz", "--split", "split", *WORDS), says)
     assert not (tmp_path / "scan.npz").exists()
-
-
-def test_bytes_are_names(tmp_path):
-    scan = read_arrays(
-        save(tmp_path / "a.npz", labels=np.array([b"A", b"B", b"A", b"long"])), NAMES, PAD, "N"
-    )
-    assert scan.labels.tolist() == ["A", "B", "A", "long"]
 
 
 @pytest.mark.parametrize(
@@ -150,14 +136,6 @@ def test_a_mat_file_that_claims_too_much_is_refused(tmp_path, monkeypatch):
     savemat(tmp_path / "a.mat", {"readings": np.zeros((200_000, 1))}, do_compression=True)
     with pytest.raises(InputError, match="claims 1,600,000 bytes, more than a scan may hold"):
         read_arrays(tmp_path / "a.mat", {"readings": "readings"}, PAD, "N")
-
-
-def test_matlab_s_hdf5_is_told_from_the_others(tmp_path):
-    (tmp_path / "a.mat").write_bytes(
-        b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + b"\x89HDF\r\n\x1a\n"
-    )
-    with pytest.raises(InputError, match="save it with -v7"):
-        read_arrays(tmp_path / "a.mat", NAMES, PAD, "N")
 
 
 @pytest.mark.parametrize("compress", [False, True])

@@ -1,7 +1,6 @@
 """What all formats of a scan have in common: bit for bit, whole or not at all, a mistake is one line."""
 
 import importlib
-import os
 
 import numpy as np
 import pytest
@@ -97,17 +96,6 @@ def test_a_mistake_is_one_line(words, says, tmp_path, here, rng):
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize("path", ["missing.mcap", "missing", "scan.csv"])
-def test_what_cannot_be_imported_is_one_line(path, here):
-    refused(here("import", path, "--out", "scan.npz"), path)
-
-
-def test_a_scan_without_readings_is_not_exported(tmp_path, rng):
-    empty = make_scan(rng).where("train", "nobody")
-    with pytest.raises(InputError, match="nothing to export"):
-        formats.write(empty, tmp_path / "x.h5", "hdf5")
-
-
 @pytest.mark.parametrize("name", formats.FORMATS)
 def test_a_scan_travels_by_the_command_line(name, tmp_path, here, scan_file):
     path = place(tmp_path, name)
@@ -164,12 +152,3 @@ def test_a_run_s_trials_are_the_same_in_every_format(run_folder, tmp_path, here)
             stored = file[name].asstr()[()] if text else file[name][()]
             assert np.array_equal(stored, values, equal_nan=not text), name
             assert np.array_equal(np.array(table[name].to_pylist()), values, equal_nan=not text), name
-
-
-@pytest.mark.parametrize("name", formats.FORMATS)
-def test_names_of_files_need_not_be_utf_8(name, tmp_path, rng):
-    path = place(tmp_path, name, os.fsdecode(b"scan-\xff"))
-    scan = make_scan(rng)
-    formats.write(scan, path, name)
-    assert path.exists()
-    assert formats.read(path, name).digest == scan.digest

@@ -8,11 +8,10 @@ import pytest
 
 import tactsim
 from tactsim.bench.cli.app import app
-from tactsim.bench.experiment import perform, silent, tasks_of
+from tactsim.bench.experiment import perform
 from tactsim.bench.results import load
 from tactsim.bench.space.space_config import space_config
 from tactsim.bench.space.space_runner import perform_in_space
-from tactsim.bench.trials import run_trials
 from tactsim.core import InputError, rigid
 from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators import registry
@@ -145,17 +144,6 @@ def test_a_hand_gives_two_readings_a_touch(tmp_path):
     assert "gripper" in run.about["protocol"]
 
 
-def test_trials_do_not_depend_on_the_jobs():
-    words = {"estimator": "alike", "objects": "nut,egg", "trials": 5, "touches": 2, "scan_set": {"points": 8}}
-    config = space_config(**words)
-    plan = perform(config).plan
-    estimator, tasks = plan.fitted(), tasks_of(config, ["nut", "egg"])
-    whole, work = run_trials(plan, estimator, tasks, progress=silent)
-    part, rest = (run_trials(plan, estimator, some, progress=silent)[0] for some in (tasks[:2], tasks[2:]))
-    assert np.array_equal(whole.pose, np.concatenate([part.pose, rest.pose]))
-    assert work["likelihood_evaluations"] == 10
-
-
 def test_the_frame_of_an_object_does_not_matter_to_its_error():
     """A pose that differs by a symmetry of a nut is no error; the mirror image of that turn is one."""
     run = perform(
@@ -230,12 +218,3 @@ def test_an_estimator_that_answers_in_the_plane_is_named(monkeypatch):
     flat = Estimate("nut", {"nut": 1.0, "egg": 0.0}, np.zeros(3))
     monkeypatch.setattr(AlikeTouches, "estimate", lambda self: flat)
     assert "AlikeTouches" in refused(*RUN)
-
-
-def test_what_is_there_is_listed(capsys):
-    bench("list", "solids")
-    assert "star-knob" in capsys.readouterr().out
-    bench("list", "solid-options")
-    assert "stiffness" in capsys.readouterr().out
-    bench("list", "estimators")
-    assert "of objects in space" in capsys.readouterr().out

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from tactsim.bench.experiment import tasks_of
 from tactsim.bench.placement import certainty
-from tactsim.bench.space.space_config import space_config
 from tactsim.bench.space.surface_distance import Surface
 from tactsim.bench.space.touching import HALF_BOX, draw_pose_in_space, draw_starts, outside_of
 from tactsim.core import rigid
@@ -43,13 +41,6 @@ def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
     # The angle of an even rotation has the density (1 - cos a) / pi, of mean pi / 2 + 2 / pi.
     angle = rigid.angle_between(hidden[:, 3:], [1.0, 0, 0, 0])
     assert abs(angle.mean() - (np.pi / 2 + 2 / np.pi)) < 0.05
-
-
-@pytest.mark.parametrize(("trials", "counts"), [(7, (3, 2, 2)), (2, (1, 1, 0)), (6, (2, 2, 2))])
-def test_objects_take_turns(trials, counts):
-    tasks = tasks_of(space_config(trials=trials), ["a", "b", "c"])
-    assert tuple(sum(task.truth == label for task in tasks) for label in "abc") == counts
-    assert len(set(tasks)) == trials
 
 
 def test_certainty_of_a_belief_that_is_a_line_of_shifts():

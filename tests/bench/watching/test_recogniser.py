@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from tactsim.bench.watching.recogniser import NOTHING, Recogniser, Touch, on_taxels
+from tactsim.bench.watching.recogniser import Recogniser, Touch, on_taxels
 from tactsim.core import InputError, Scan
 from tactsim.estimators import create
 
@@ -30,11 +30,6 @@ def touches(scan, count):
 
 def probabilities(belief):
     return list(belief.estimate.probabilities.values())
-
-
-def test_it_begins_with_nothing_though_it_has_rehearsed(recogniser):
-    recogniser.begin_anew()
-    assert recogniser.belief is NOTHING
 
 
 def test_a_touch_that_is_taken_back_never_was(recogniser, scan):
@@ -98,11 +93,6 @@ def test_training_readings_follow_the_pad_s_taxels(scan):
     half = scan.where("train")
     np.testing.assert_array_equal(train.readings, half.readings[:, order])
     np.testing.assert_array_equal(train.taxel_xy, scan.taxel_xy[order])
-
-
-def test_a_scan_that_says_test_alone_is_trained_on(scan):
-    test = scan.where("test")
-    np.testing.assert_array_equal(on_taxels(test, scan.taxel_xy, "x").readings, test.readings)
 
 
 def test_another_pad_is_refused(scan):

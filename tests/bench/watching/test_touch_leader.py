@@ -108,54 +108,10 @@ def test_a_touch_is_void_as_soon_as_a_person_asks_for_another(recogniser, device
     assert leading.view() is before
 
 
-def test_where_nothing_is_to_be_redone_the_touch_goes_on(recogniser, device, eventually):
-    leading = TouchLeader(
-        recogniser, Plan(label="live", poses=POSES, frames=5, window=5), device.pad, "random", 0
-    )
-    with leading:
-        eventually(lambda: leading.view().asked is not None)
-        leading.redo()
-        eventually(leading.idle)
-        press(leading)
-        eventually(lambda: len(leading.beliefs) == 1)
-
-
-def test_it_is_not_idle_when_a_job_was_fetched(recogniser, device, eventually, monkeypatch):
-    plan = Plan(label="live", poses=POSES, frames=5, window=5)
-    leading = TouchLeader(recogniser, plan, device.pad, "random", 0)
-    idle, get = [], leading._jobs.get
-
-    def watched():
-        job = get()
-        idle.append(leading.idle())
-        return job
-
-    monkeypatch.setattr(leading._jobs, "get", watched)
-    with leading:
-        eventually(lambda: leading.view().asked is not None)
-    assert idle[0] is False
-
-
 def press(leading):
     for level, count in ((0.0, 10), (60.0, 20)):
         for _ in range(count):
             leading.take(Reading(np.full(36, level), time.monotonic()))
-
-
-def test_a_touch_is_skipped(recogniser, device, eventually):
-    with led(recogniser, device, POSES[:2]) as (leading, _):
-        eventually(lambda: leading.view().asked is not None)
-        skipped = leading.view().asked
-        leading.skip()
-        eventually(lambda: "every pose was tried" in leading.view().phase)
-        (touch,) = leading.view().belief.touches
-        assert not np.array_equal(touch.sensor_in_robot, skipped)
-
-
-def test_what_breaks_the_estimator_is_kept_to_be_raised(recogniser, device, eventually, monkeypatch):
-    monkeypatch.setattr(recogniser, "take", lambda touch: 1 / 0)
-    with led(recogniser, device, POSES[:1]) as (leading, _):
-        eventually(lambda: isinstance(leading.error, ZeroDivisionError))
 
 
 def test_a_tare_says_what_is_noise(recogniser, device, scan, eventually):
