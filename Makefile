@@ -10,12 +10,10 @@ DEVELOP   := $(VENV)/.ready-dev
 MUTATION  := $(VENV)/.ready-mutation
 PACKAGING := $(VENV)/.ready-packaging
 DOCS      := $(VENV)/.ready-docs
-PROFILE   := $(VENV)/.ready-profile
 REFEREES  := build/referees/.ready
 MUTATION_LOCK  := tests/mutants/requirements.lock
 PACKAGING_LOCK := tests/packaging/requirements.lock
 DOCS_LOCK      := docs/requirements.lock
-PROFILE_LOCK   := tests/profile/requirements.lock
 
 # The commit that `make bench-check` compares with; that of the newest release in results/benchmarks unless it is given.
 BASE ?=
@@ -29,7 +27,7 @@ LONG ?=
 # What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
 MUTANTS ?=
 
-.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check profile tables renew leaderboard references stress referees release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check tables renew leaderboard references stress referees release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -74,13 +72,6 @@ bench: $(DEVELOP)  ## time presses, maps, estimators and a run; keep it as resul
 
 bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at BASE=COMMIT, or an error another one?
 	@$(BIN)/python tests/benchmarks/check.py $(BASE)
-
-profile: $(PROFILE)  ## draw where the time of presses, a scan and a run goes
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/profile/flame_graphs.py
-
-$(PROFILE): $(PROFILE_LOCK) | $(DEVELOP)
-	@$(INSTALL) -r $<
-	@touch $@
 
 # The sweeps that the tables of the documentation are made of.
 TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses
@@ -165,14 +156,13 @@ PIN     := $(COMPILE) --generate-hashes --constraint $(ALL)
 
 lock: $(READY)   ## pin the newest versions that pyproject.toml allows
 	@$(INSTALL) uv
-	@cat requirements-dev.lock $(DOCS_LOCK) $(MUTATION_LOCK) $(PACKAGING_LOCK) $(PROFILE_LOCK) > $(ALL)
-	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group docs --group mutation --group packaging --group profile -o $(ALL)
+	@cat requirements-dev.lock $(DOCS_LOCK) $(MUTATION_LOCK) $(PACKAGING_LOCK) > $(ALL)
+	@$(COMPILE) $(UPGRADE) pyproject.toml --all-extras --group dev --group docs --group mutation --group packaging -o $(ALL)
 	@$(PIN) pyproject.toml --group build -o requirements.lock
 	@$(PIN) pyproject.toml --all-extras --group dev -o requirements-dev.lock
 	@$(PIN) --group docs -o $(DOCS_LOCK)
 	@$(PIN) --group mutation -o $(MUTATION_LOCK)
 	@$(PIN) --group packaging -o $(PACKAGING_LOCK)
-	@$(PIN) --group profile -o $(PROFILE_LOCK)
 
 clean:           ## remove .venv and what tools left behind
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build *.egg-info docs/_build

@@ -1,10 +1,9 @@
 """What the pages say to type is understood: every `bench` line, every `make` target, every file named."""
 
 import re
-from pathlib import Path
 
 import pytest
-from pages import BLOCKS, ROOT, SHELL, bench, blocks_of, commands, only
+from pages import BLOCKS, ROOT, SHELL, bench, commands, only
 
 from tactsim.bench import sweep
 from tactsim.bench.cli.app import VERBS, load
@@ -45,56 +44,3 @@ def test_what_python_is_given_exists(arguments):
     for word in arguments:
         if "/" in word or word.endswith(".py"):
             assert (ROOT / word).exists(), word
-
-
-def test_every_command_is_one_that_these_tests_know():
-    known = {
-        "bench",
-        "tactsim-bench",
-        "make",
-        "python",
-        "python3",
-        "pip",
-        "git",
-        "cd",
-        "uvx",
-        "pipx",
-        "docker",
-        "rattler-build",
-    }
-    programs = {Path(words[0]).name for _, words in SHELL_COMMANDS if not re.fullmatch(r"\w+=.*", words[0])}
-    assert programs <= known
-
-
-def test_every_block_says_its_language():
-    """So that nothing that could be run passes for text."""
-    languages = {
-        "sh",
-        "console",
-        "python",
-        "toml",
-        "xml",
-        "csv",
-        "text",
-        "math",
-        "bibtex",
-        "{toctree}",
-        "{include}",
-        "{eval-rst}",
-    }
-    assert [(b.page, b.line) for b in BLOCKS if b.language not in languages] == []
-
-
-def test_the_blocks_are_found():
-    shell = "$ bench run --trials 5 \\\n    --bins 10  # few\nout\n$ A=1 bench list | head > x\n"
-    text = (
-        f"say:\n\n<!-- not run: hours -->\n```console\n{shell}```\n\n<!-- file: x.py -->\n```python\n1\n```\n"
-    )
-    block, other = blocks_of("page.md", text)
-    assert (block.line, block.not_run, block.file) == (4, "hours", None)
-    assert (other.language, other.text, other.file) == ("python", "1\n", "x.py")
-    assert [bench(words) for words in commands(block)] == [
-        ["run", "--trials", "5", "--bins", "10"],
-        ["list"],
-        None,
-    ]

@@ -27,7 +27,6 @@ ESTIMATORS = {
     "tempered": ["--estimator", "tempered", "--particles", "200"],
 }
 LONGER = ("histogram", "refined", "tempered")  # particles draw the most random numbers
-SKIPS = ("no_contact", "parts", "stages", "known")
 
 
 class Answers:
@@ -90,14 +89,6 @@ def test_processes_cache_and_hashes_change_no_bit(answer, first, name):
 
 
 @pytest.mark.long
-def test_readings_from_the_cache_are_those_that_were_pressed(answer, first):
-    pressed, trials = first
-    kept, same = answer(*ESTIMATORS["histogram"])
-    assert (pressed["work"]["presses"] > 0, kept["work"]["presses"]) == (True, 0)
-    assert same == trials
-
-
-@pytest.mark.long
 def test_the_order_of_the_letters_changes_no_trial(answer, first):
     _, trials = first
     _, turned = answer(*ESTIMATORS["histogram"], "--letters", "OE")
@@ -118,13 +109,6 @@ def test_the_order_of_the_letters_changes_no_trial(answer, first):
         assert [one[name] for name in exact] == [other[name] for name in exact]
         # Probabilities are normalised by a sum over the letters in another order.
         assert float(one["p_truth"]) == pytest.approx(float(other["p_truth"]), rel=1e-12)
-
-
-@pytest.mark.long
-def test_the_presss_skips_change_no_bit(answer, first):
-    words = [word for name in SKIPS for word in ("--scan-set", f"press.skip.{name}=false")]
-    _, whole = answer(*ESTIMATORS["histogram"], "--no-cache", *words)
-    assert whole == first[1]
 
 
 def test_the_filters_skip_changes_no_letter_and_no_pose(answer, first):

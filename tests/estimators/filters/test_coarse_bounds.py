@@ -159,22 +159,6 @@ def test_rows_that_hang_over_the_tables_read_no_bound_beyond_them(model, split, 
                 assert np.array_equal(other.upper_bounds(), plain.upper_bounds())
 
 
-def test_a_bound_that_is_too_low_is_noticed(model):
-    """The tests above can fail: with lower levels a bin comes to lie above its bound."""
-    made, scan = model
-    grid = StateGrid(12, 13, 5)
-    field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, skip=True)
-    low = lazy._levels
-    lazy._levels = low._replace(level=np.maximum(low.level, -68) - np.int8(60))
-    above = False
-    for number in range(4):
-        field.append(made.evidence(scan.readings[5 * number]), np.array([1.0, 2.0, 0.3]))
-        lazy.update(1.0, 3)
-        above |= (of_all_bins(field, grid) > lazy.upper_bounds()).any()
-    assert above
-
-
 def test_a_bin_that_waited_for_long_takes_in_what_it_waited_for(model):
     """Readings contradict each other at first, so that other bins lead later; several may be new at once."""
     made, scan = model
@@ -225,18 +209,6 @@ def test_any_number_of_terms_and_any_weights_are_bounded(model, weights, each):
         assert np.isfinite(bound).all()
 
 
-def test_touches_that_say_nothing_make_no_bin_likely(model):
-    made, scan = model
-    grid = StateGrid(12, 13, 10)
-    field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, skip=True)
-    for reach in (1e3, 1e3, 2.0):
-        field.append(made.evidence(scan.readings[4]), np.array([reach, 0.0, 0.2]))
-        evaluated, _ = lazy.update(1.0, 10)
-    # All are alike after two touches off the map: the third is taken in by few of them nevertheless.
-    assert evaluated < grid.bins * 3 / 4
-
-
 class Edge:
     """A table that leaps from 0 to 30 nats at the edge of a square of 1 mm about a place."""
 
@@ -270,24 +242,6 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
         field.append(one, np.array([*(turn @ away), 0.0]))
         lazy.update(0.0, 0)
         assert (of_all_bins(field, grid) <= lazy.upper_bounds()).all()
-
-
-def test_more_bins_and_terms_than_are_looked_at_at_once_give_the_same(model):
-    made, scan = model
-    grid = StateGrid(100, 100, 3)
-    field = field_of(model, grid)
-    lazy, every = (CoarseBins(field, grid, skip=skip) for skip in (True, False))
-    rng, evidence = np.random.default_rng(0), made.evidence(scan.readings[3])
-    many = Evidence(*(np.resize(part, 3_001) for part in (evidence.table, evidence.taxel, evidence.weight)))
-    for one in (evidence, many, evidence):
-        field.append(one, rng.uniform(-3, 3, 3))
-        everything = of_all_bins(field, grid)
-        every.update(5.0, 100)
-        lazy.update(5.0, 100)
-        flat, log_p = every.listed
-        assert np.array_equal(log_p, everything.ravel()[flat])
-        assert np.array_equal(lazy.listed, every.listed)
-        assert (everything <= lazy.upper_bounds()).all()
 
 
 def test_a_place_that_is_no_number_ends_the_search(model):
