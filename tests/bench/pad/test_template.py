@@ -1,12 +1,12 @@
-"""The sheets are measured in the PDF itself: true sizes, and where they put the letter on the pad at every pose."""
+"""The sheets are measured as they are drawn: true sizes, and where they put the letter on the pad at every pose."""
 
 import re
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from command_line import refused
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
 from tactsim.core.pad import Pad
@@ -55,57 +55,39 @@ class Page:
         return any(-0.2 < at < 1.2 for at in along)
 
 
-def pages_of(pdf):
-    """Read the pages of a PDF: an interpreter of the few operators that lines and words are made of."""
-    boxes = re.findall(rb"/MediaBox \[([^\]]*)\]", pdf)
-    contents = re.findall(rb"/Contents (\d+) 0 R", pdf)
+def pages_of(figures):
+    """Read lines and words where they are drawn."""
     pages = []
-    for box, number in zip(boxes, contents, strict=True):
-        body = re.search(rb"\n%s 0 obj\n.*?stream\r?\n(.*?)\r?\nendstream" % number, pdf, re.S).group(1)
-        text = zlib.decompress(body).decode("latin-1")
-        size = tuple(float(word) * POINT for word in box.split()[2:])
-        pages.append(Page(size, *read_content(text)))
+    for figure in figures:
+        (axes,), mm = figure.axes, 25.4 / figure.dpi
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        paths = [
+            (one.get_lw() * POINT, one.get_transform().transform(one.get_xydata()) * mm) for one in axes.lines
+        ]
+        words = [
+            (one.get_text(), one.get_window_extent(renderer).get_points().mean(axis=0) * mm)
+            for one in axes.texts
+        ]
+        pages.append(Page(tuple(figure.get_size_inches() * 25.4), paths, words))
     return pages
 
 
-TOKEN = re.compile(r"\((?:\\.|[^()\\])*\)|/\S+|[\[\]]|-?\d*\.?\d+|[A-Za-z*']+")
-
-
-def read_content(text):
-    """Follow lines and words; a word's place is about its middle."""
-    paths, words, width, points, place, size, before = [], [], 0.0, [], None, 0.0, []
-    for token in TOKEN.findall(text):
-        if not token[0].isalpha():
-            before.append(token)
-            continue
-        if token == "w":
-            width = float(before[-1]) * POINT
-        elif token in ("m", "l"):
-            point = np.array([float(word) for word in before[-2:]]) * POINT
-            points = [point] if token == "m" else [*points, point]
-        elif token == "S":
-            paths.append((width, np.array(points)))
-        elif token == "cm":
-            place = np.array([float(word) for word in before[-2:]]) * POINT
-        elif token == "Tf":
-            size = float(before[-1]) * POINT
-        elif token in ("Tj", "TJ"):
-            said = "".join(word[1:-1] for word in before if word[0] == "(")
-            words.append((said, place + size * np.array([0.27 * len(said), 0.35])))
-        before = []
-    return paths, words
+def sizes_of(pdf):
+    """Read how large the pages of a PDF are, mm."""
+    boxes = re.findall(rb"/MediaBox \[([^\]]*)\]", pdf)
+    return [tuple(float(word) * POINT for word in box.split()[2:]) for box in boxes]
 
 
 def drawn(paper="a4", behind=True, name="R"):
-    pdf = as_pdf(draw_sheets([letter(name)], Sheets(paper, Pad(), behind)))
-    return pages_of(pdf)
+    return pages_of(draw_sheets([letter(name)], Sheets(paper, Pad(), behind)))
 
 
 @pytest.mark.parametrize("paper", PAPERS)
 @pytest.mark.parametrize("behind", [True, False])
 def test_pages_and_rulers_have_their_true_size(paper, behind):
-    pages = drawn(paper, behind)
-    assert len(pages) == 2
+    figures = draw_sheets([letter("R")], Sheets(paper, Pad(), behind))
+    pages = pages_of(figures)
+    assert sizes_of(as_pdf(figures)) == [pytest.approx(PAPERS[paper], abs=0.01)] * 2
     for page in pages:
         assert page.size == pytest.approx(PAPERS[paper], abs=0.01)
         lengths = [np.abs(line[1] - line[0]) for line in page.lines()]
@@ -178,7 +160,6 @@ def test_the_command_writes_a_page_for_the_pad_and_each_letter(here, tmp_path):
     said = here("template", "--letters", "AE", "--out", "t.pdf")
     assert said.returncode == 0, said.stderr
     assert "3 pages in t.pdf" in said.stdout
-    pages = pages_of((tmp_path / "t.pdf").read_bytes())
-    assert len(pages) == 3
+    assert len(sizes_of((tmp_path / "t.pdf").read_bytes())) == 3
     assert here("template", "--letters", "AE", "--out", "again.pdf").returncode == 0
     assert (tmp_path / "again.pdf").read_bytes() == (tmp_path / "t.pdf").read_bytes()
