@@ -116,12 +116,6 @@ def test_hysteresis_keeps_between_the_load_and_its_bounds(loads, share):
     assert one_touch(np.multiply(loads, 3.0), hysteresis=share) == pytest.approx(3 * read, abs=1e-7)
 
 
-def test_touches_one_after_another_have_no_hysteresis_and_images_of_one_have_no_lag():
-    assert np.array_equal(sensed(hysteresis=0.25), IDEAL)
-    loads = [0.0, 5.0, 2.0]
-    assert one_touch(loads, lag=0.9) == pytest.approx(loads)
-
-
 def test_drift_moves_the_zero_from_reading_to_reading():
     assert sensed(np.zeros((3, 36)), drift=0.5)[:, 0] == pytest.approx([0.5, 1.0, 1.5])
 

@@ -66,23 +66,12 @@ def test_poses_in_blocks_do_not_change_a_bit(monkeypatch):
     assert once.any()
 
 
-def test_cells_without_contact_do_not_change_a_bit():
-    usual, _ = ideal("E", parts=False)
-    without, _ = ideal("E", parts=False, cells=False)
-    assert np.array_equal(usual, without)
-
-
 def test_counters_add_up():
     _, work = ideal("E")
     assert work["no_contact"] == len(FAR)
     assert work["presses"] == len(POSES) - len(FAR)
     assert work["parts"] == work["presses"]
     assert 0 < work["cells"] < work["presses"] * 16 * 12
-
-
-def test_a_plane_cannot_leave_cells_out():
-    with pytest.raises(ValueError, match="parts = false"):
-        Skips(cells=False)
 
 
 def test_a_known_pose_is_not_pressed_again():
