@@ -109,7 +109,7 @@ def test_a_run_in_worker_processes(elsewhere, scan):
 
 
 def test_a_recording_and_its_replay(elsewhere):
-    result = elsewhere("record", "--port", "simulated:A@0,0,0", "--seconds", "0.5", "--out", "a.tactrec")
+    result = elsewhere("record", "--port", "simulated:A@0,0,0", "--seconds", "3", "--out", "a.tactrec")
     assert result.returncode == 0, result.stderr
     result = elsewhere("replay", "a.tactrec")
     assert result.returncode == 0, result.stderr

@@ -9,6 +9,7 @@ from tactsim.hardware.calibration import (
     Correction,
     find_dead,
     find_stuck,
+    force,
     take_tare,
     with_gain,
 )
@@ -191,3 +192,9 @@ def test_gains_leave_a_loaded_taxel_alone(rng):
     assert gained.dead == ()
     assert gained.loaded == (9,)
     assert gained.gain[9] == 1
+
+
+def test_force_is_the_sum_of_pressures_over_areas():
+    # 36 taxels of 3.24 mm^2 at 10 kPa: 36 * 3.24e-6 m^2 * 1e4 Pa
+    assert force(np.full(36, 10.0), Pad()) == pytest.approx(1.1664)
+    assert force(np.ones((5, 36)), Pad()).shape == (5,)
