@@ -255,3 +255,8 @@ def test_one_sequence_of_training_in_twenty_is_badly_explained():
     sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
     assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
     assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))
+
+
+def test_a_position_that_is_in_the_map_never_makes_it_worse():
+    assert trust_learning._at_a_new_place(3.0, 2.0) == trust_learning._at_a_new_place(2.0, 2.0) == 2.0
+    assert trust_learning._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)
