@@ -65,8 +65,8 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
             )
         chosen.append(np.arange(count) < readings)
     kept = np.concatenate(chosen)
-    parts = {name: getattr(scan, name)[kept] for name in ("readings", "poses", "labels", "split")}
-    return with_letters(replace(scan, **parts, meta={**scan.meta, "readings_a_trial": readings}))
+    kept_scan = scan.chosen(kept)
+    return with_letters(replace(kept_scan, meta={**scan.meta, "readings_a_trial": readings}))
 
 
 def known_letter(label: str) -> Letter | None:
@@ -124,6 +124,5 @@ class MeasuredTrials:
     def touches(self, truth: str, trial: int, seed: int) -> InTurn:
         """Offer the touches of one trial of `truth`."""
         test = self.scan.where("test", truth)
-        own = slice(trial * self.readings, (trial + 1) * self.readings)
-        parts = {name: getattr(test, name)[own] for name in ("readings", "poses", "labels", "split")}
-        return InTurn(RecordedTouches(replace(test, **parts)))
+        own = np.arange(trial * self.readings, (trial + 1) * self.readings)
+        return InTurn(RecordedTouches(test.chosen(own)))

@@ -1,4 +1,4 @@
-"""Objects that move between touches, against answers that are known exactly: a Kalman filter, a table of all bins."""
+"""Objects that move between touches: the kernel of a step on the grid, and the frames in which steps are taken."""
 
 from __future__ import annotations
 
@@ -6,117 +6,8 @@ import numpy as np
 
 from tactsim.bench.stress.case import Worst, case
 from tactsim.core import compose, wrap_angle
-from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate
-from tactsim.estimators.filters.motion import Motion, parse_motion
-from tactsim.estimators.filters.moving import MovingBelief
+from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.moving_bins import heat_kernel
-from tactsim.estimators.filters.states import WeightedStates, Weights
-
-_READINGS = 12
-
-
-class ReadPlacement:
-    """One letter whose readings are its placement T_O^R itself, [x, y, angle], off by Gaussian noise.
-
-    This is what `MovingBelief` asks of the filter beside it. A belief that moves as the object does is then a Kalman
-    filter's. deviation: (3,) mm, mm, rad, of the noise.
-    """
-
-    def __init__(self, deviation: FloatArray, motion: Motion, rng: np.random.Generator) -> None:
-        self.labels: tuple[str, ...] = ("A",)
-        self.located = True
-        self.deviation, self.motion, self.rng = deviation, motion, rng
-        self.seen: list[FloatArray] = []
-
-    @property
-    def touches(self) -> int:
-        """Count the readings."""
-        return len(self.seen)
-
-    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
-        """Weigh states (3, n) by one reading: (n,)."""
-        away = self.motion.placed(state) * [1, 1, self.motion.ratio] - self.seen[touch]
-        away[:, 2] = wrap_angle(away[:, 2])
-        density = -0.5 * (away / self.deviation) ** 2 - np.log(self.deviation * np.sqrt(2 * np.pi))
-        return np.asarray(density.sum(axis=1), dtype=float)
-
-    def measure(self) -> None:
-        """Do nothing: the belief is made of the first reading alone."""
-
-    def own_states(self) -> WeightedStates:
-        """Draw the belief after the first reading."""
-        place = self.seen[0] + self.rng.standard_normal((20_000, 3)) * self.deviation
-        state = self.motion.state(place / [1, 1, self.motion.ratio])
-        return WeightedStates(np.zeros(20_000, dtype=np.int64), state, Weights(np.zeros(20_000)))
-
-    def own_estimate(self) -> Estimate:
-        """Raise NotImplementedError: an object that is known to move is not estimated at rest."""
-        raise NotImplementedError
-
-    def foretold(self, belief: WeightedStates) -> float:
-        """Raise NotImplementedError: an object that is known to move is not compared with one at rest."""
-        raise NotImplementedError
-
-
-def kalman(seen: FloatArray, step: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Filter readings (n, 3) of a random walk whose axes are independent (Kalman 1960).
-
-    step, deviation: (3,) of a step and of a reading. Returns mean, standard deviation, and log p(seen[1:] | seen[0]).
-    """
-    mean, variance, evidence = seen[0], deviation**2, 0.0
-    for one in seen[1:]:
-        predicted = variance + step**2
-        total = predicted + deviation**2
-        evidence += float((-0.5 * (one - mean) ** 2 / total - 0.5 * np.log(2 * np.pi * total)).sum())
-        mean = mean + predicted / total * (one - mean)
-        variance = predicted * deviation**2 / total
-    return mean, np.sqrt(variance), evidence
-
-
-def walked(step: FloatArray, deviation: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draw readings (n, 3) of an object that walks from a random place."""
-    path = rng.uniform(-5, 5, 3) + np.cumsum(rng.standard_normal((_READINGS, 3)) * step, axis=0)
-    return np.asarray(path + rng.standard_normal((_READINGS, 3)) * deviation, dtype=float)
-
-
-@case(
-    "motion.kalman",
-    varied="walks of 0.05 to 2 mm and 0.003 to 0.12 rad a touch, readings exact to 0.1 to 1 mm, 12 readings",
-    deviation="mean and deviation of the pose from a Kalman filter's, in its deviations, and log evidence, in 10 nats",
-    limit=0.5,
-    because="several hundred weighted states stand for the belief: chance moves the mean by some tenths at worst",
-)
-def kalman_filter(worst: Worst) -> None:
-    """Follow a placement that is read directly, with Gaussian noise; the exact belief is a Kalman filter's."""
-    rng = np.random.default_rng(0)
-    for mm in (0.05, 0.5, 2.0):
-        for noise in (0.1, 1.0):
-            step, deviation = np.array([mm, mm, 0.06 * mm]), np.array([noise, noise, 0.06 * noise])
-            motion = parse_motion(f"{mm},{0.06 * mm}")
-            assert motion is not None
-            generator = np.random.default_rng(1)
-            beside = ReadPlacement(deviation, motion, generator)
-            moving = MovingBelief(beside, motion)
-            moving.reset(generator.spawn(1)[0])
-            seen = walked(step, deviation, rng)
-            for reading in seen:
-                beside.seen.append(reading)
-                moving.update()
-            mean, spread, evidence = kalman(seen, step, deviation)
-            belief = moving.weighted_states()
-            place = motion.placed(belief.state) * [1, 1, motion.ratio]
-            weight = belief.weights.normalised
-            off = wrap_angle(place - mean)[:, 2]
-            place[:, 2] = mean[2] + off
-            found = weight @ place
-            width = np.sqrt(weight @ (place - found) ** 2)
-            at = f"walk {mm} mm, readings to {noise} mm"
-            worst.see(np.abs(found - mean) / spread, at)
-            worst.see(np.abs(np.log(width / spread)), at)
-            cloud = moving._clouds[0]
-            assert cloud is not None
-            worst.see(abs(cloud.log_evidence - evidence) / 10, at)
 
 
 @case(

@@ -10,12 +10,14 @@ from synthetic import fitted, make_scan
 
 from tactsim.bench.config import Slip
 from tactsim.bench.stress import chosen_cases, run_case
-from tactsim.core import InputError, compose, invert
-from tactsim.estimators import create
+from tactsim.core import InputError, compose, invert, wrap_angle
+from tactsim.core.poses import FloatArray
+from tactsim.estimators import Estimate, create
 from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
 from tactsim.estimators.filters.motion import Motion, parse_motion
+from tactsim.estimators.filters.moving import MovingBelief
 from tactsim.estimators.filters.moving_bins import heat_kernel
-from tactsim.estimators.filters.states import Weights
+from tactsim.estimators.filters.states import WeightedStates, Weights
 
 MAP_FILTERS = {
     "histogram": {"bins": 1000, "cell": 0.8},
@@ -221,7 +223,105 @@ def test_the_path_of_an_object_is_where_it_was_at_each_touch(small):
     assert np.median(np.hypot(*(invert(last.robot_in_object) - invert(true))[:, :2].T)) > np.median(away)
 
 
-@pytest.mark.parametrize("name", ["motion.kalman", "motion.heat-kernel", "motion.frames"])
+_READINGS = 12
+
+
+class ReadPlacement:
+    """One letter whose readings are its placement T_O^R itself, [x, y, angle], off by Gaussian noise.
+
+    This is what `MovingBelief` asks of the filter beside it. A belief that moves as the object does is then a Kalman
+    filter's. deviation: (3,) mm, mm, rad, of the noise.
+    """
+
+    def __init__(self, deviation: FloatArray, motion: Motion, rng: np.random.Generator) -> None:
+        self.labels: tuple[str, ...] = ("A",)
+        self.located = True
+        self.deviation, self.motion, self.rng = deviation, motion, rng
+        self.seen: list[FloatArray] = []
+
+    @property
+    def touches(self) -> int:
+        """Count the readings."""
+        return len(self.seen)
+
+    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
+        """Weigh states (3, n) by one reading: (n,)."""
+        away = self.motion.placed(state) * [1, 1, self.motion.ratio] - self.seen[touch]
+        away[:, 2] = wrap_angle(away[:, 2])
+        density = -0.5 * (away / self.deviation) ** 2 - np.log(self.deviation * np.sqrt(2 * np.pi))
+        return np.asarray(density.sum(axis=1), dtype=float)
+
+    def measure(self) -> None:
+        """Do nothing: the belief is made of the first reading alone."""
+
+    def own_states(self) -> WeightedStates:
+        """Draw the belief after the first reading."""
+        place = self.seen[0] + self.rng.standard_normal((20_000, 3)) * self.deviation
+        state = self.motion.state(place / [1, 1, self.motion.ratio])
+        return WeightedStates(np.zeros(20_000, dtype=np.int64), state, Weights(np.zeros(20_000)))
+
+    def own_estimate(self) -> Estimate:
+        """Raise NotImplementedError: an object that is known to move is not estimated at rest."""
+        raise NotImplementedError
+
+    def foretold(self, belief: WeightedStates) -> float:
+        """Raise NotImplementedError: an object that is known to move is not compared with one at rest."""
+        raise NotImplementedError
+
+
+def kalman(seen: FloatArray, step: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Filter readings (n, 3) of a random walk whose axes are independent (Kalman 1960).
+
+    step, deviation: (3,) of a step and of a reading. Returns mean, standard deviation, and log p(seen[1:] | seen[0]).
+    """
+    mean, variance, evidence = seen[0], deviation**2, 0.0
+    for one in seen[1:]:
+        predicted = variance + step**2
+        total = predicted + deviation**2
+        evidence += float((-0.5 * (one - mean) ** 2 / total - 0.5 * np.log(2 * np.pi * total)).sum())
+        mean = mean + predicted / total * (one - mean)
+        variance = predicted * deviation**2 / total
+    return mean, np.sqrt(variance), evidence
+
+
+def walked(step: FloatArray, deviation: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Draw readings (n, 3) of an object that walks from a random place."""
+    path = rng.uniform(-5, 5, 3) + np.cumsum(rng.standard_normal((_READINGS, 3)) * step, axis=0)
+    return np.asarray(path + rng.standard_normal((_READINGS, 3)) * deviation, dtype=float)
+
+
+def test_a_placement_that_is_read_directly_is_followed_as_by_a_kalman_filter():
+    """Chance moves the mean of some hundred weighted states by some tenths of the exact deviation at worst."""
+    rng = np.random.default_rng(0)
+    for mm in (0.05, 0.5, 2.0):
+        for noise in (0.1, 1.0):
+            step, deviation = np.array([mm, mm, 0.06 * mm]), np.array([noise, noise, 0.06 * noise])
+            motion = parse_motion(f"{mm},{0.06 * mm}")
+            assert motion is not None
+            generator = np.random.default_rng(1)
+            beside = ReadPlacement(deviation, motion, generator)
+            moving = MovingBelief(beside, motion)
+            moving.reset(generator.spawn(1)[0])
+            seen = walked(step, deviation, rng)
+            for reading in seen:
+                beside.seen.append(reading)
+                moving.update()
+            mean, spread, evidence = kalman(seen, step, deviation)
+            belief = moving.weighted_states()
+            place = motion.placed(belief.state) * [1, 1, motion.ratio]
+            weight = belief.weights.normalised
+            off = wrap_angle(place - mean)[:, 2]
+            place[:, 2] = mean[2] + off
+            found = weight @ place
+            width = np.sqrt(weight @ (place - found) ** 2)
+            assert (np.abs(found - mean) / spread < 0.5).all()
+            assert (np.abs(np.log(width / spread)) < 0.5).all()
+            cloud = moving._clouds[0]
+            assert cloud is not None
+            assert abs(cloud.log_evidence - evidence) < 5  # nats
+
+
+@pytest.mark.parametrize("name", ["motion.heat-kernel", "motion.frames"])
 def test_motion_agrees_with_what_is_known_exactly(name):
     outcome = run_case(chosen_cases([name])[0])
     assert outcome.worst <= outcome.case.limit, outcome.at
