@@ -30,6 +30,7 @@ from tactsim.hardware.held_out import held_out
 from tactsim.hardware.press_errors import PressErrors
 from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, ROUNDS, PressFit, known
 from tactsim.hardware.taxel_error import untouched
+from tactsim.hardware.texture_fit import unevenness
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
@@ -47,8 +48,8 @@ class SensorFit:
     end at 0 or infinity where the value is on its bound or the readings do not tell.
     gain_per_taxel: (taxels,) relative to `gain`, drawn to 1 by as much as readings leave open; all 1 if they do not
     help on presses that they were not fitted to. gains_saved: by which share of the squares left they help there, and
-    its standard error. gain_spread: standard deviation of the taxels' true gains, before the response. noise: in the
-    recording's unit, standard deviation of a reading where nothing
+    its standard error. gain_spread: standard deviation of the taxels' true gains, before the response; texture: of what
+    each press's contact adds to them. noise: in the recording's unit, standard deviation of a reading where nothing
     touches. placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
     offset: (3,) its median; placement_mm, placement_rad: its standard deviation. loads: (n,) shares of the mean load;
     load_spread: their standard deviation. Each standard deviation has its 95 % interval. misfit: root mean
@@ -79,6 +80,7 @@ class SensorFit:
     gain_per_taxel: FloatArray
     gains_saved: tuple[float, float]
     gain_spread: float
+    texture: float
     noise: float
     placement: FloatArray
     offset: FloatArray
@@ -190,6 +192,9 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     softest, stiffest = _stiffness_range(fit, state, variance)
     gain = best_gain(fit.recorded, state.relative * predicted)
     apart, placed = held_out(fit, state)
+    noise = noise_of(left[rested], predicted[rested])
+    own, texture = _unevenness(fit, state, noise)
+    gain_spread = 0.0 if state.gains is None else _gain_spread(fit, predicted)
     return SensorFit(
         psf_sigma=state.sigma,
         psf_sigma_range=_interval(state.sigma, state.sigma_error, NARROWEST, WIDEST),
@@ -200,8 +205,9 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         gain_range=_interval(gain * unit, gain * unit * float(found.shared_error[-3]), 0.0, np.inf),
         gain_per_taxel=state.relative * np.ones(fit.recorded.shape[1]),
         gains_saved=state.gains_saved,
-        gain_spread=0.0 if state.gains is None else _gain_spread(fit, predicted) / state.response,
-        noise=noise_of(left[rested], predicted[rested]) * unit,
+        gain_spread=float(np.hypot(gain_spread, own)) / state.response,
+        texture=texture / state.response,
+        noise=noise * unit,
         placement=state.errors[:, :3],
         offset=np.median(state.errors[:, :3], axis=0),
         placement_mm=float(found.sd[0]),
@@ -236,6 +242,16 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
             for by, error in zip(state.grown, state.grown_error, strict=True)
         ),
     )
+
+
+def _unevenness(fit: PressFit, state: State, noise: float) -> tuple[float, float]:
+    """Find what taxels and contacts are apart by, beyond fitted gains, on groups of presses that were held out.
+
+    Outlines are as drawn, as they are in a scan of the fitted world; each press lies where its reading puts it.
+    """
+    as_drawn = replace(fit, outline=np.full(len(fit.recorded), -1))
+    placed = held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
+    return unevenness(fit.recorded, placed, fit.fold, noise)
 
 
 def _gain_spread(fit: PressFit, predicted: FloatArray) -> float:

@@ -243,6 +243,7 @@ def _beyond(options: ScanOptions) -> str:
             return name
     for name in (
         "gain_spread",
+        "texture",
         "response",
         "drift",
         "random_taxels",

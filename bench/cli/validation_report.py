@@ -69,8 +69,8 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
         f"{100 * saved:+.0f} % (standard error {100 * error:.0f} %) of the squares left of held-out presses"
     )
     gains = (
-        f"gains   taxels {100 * fit.gain_spread:.1f} % apart; their gains save {apart}"
-        if fit.gain_spread or (fit.gain_per_taxel != 1).any()
+        f"gains   taxels have gains of their own, which save {apart}"
+        if (fit.gain_per_taxel != 1).any()
         else f"gains   taxels left alike: gains of their own would save {apart}"
         if error < _ALL
         else "gains   taxels left alike: too few presses to hold some out"
@@ -81,6 +81,8 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
         f"gain    {_known(fit.gain, fit.gain_range, f'{unit} a kPa of the simulation')}",
         f"curve   exponent of the response {_known(fit.response, fit.response_range)}",
         gains,
+        f"uneven  taxels {100 * fit.gain_spread:.1f} % apart in all presses, and by another {100 * fit.texture:.1f} % "
+        "from press to press, by what is left of held-out presses",
         f"noise   {fit.noise:.3g} {unit}",
         f"placed  off by {x}, {y} mm and {angle} rad in all presses; from press to press "
         f"{_known(fit.placement_mm, fit.placement_mm_range, 'mm')} and "

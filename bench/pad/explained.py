@@ -29,6 +29,7 @@ _OF_WORLD: dict[str, tuple[str, ...]] = {
     "response": ("sensor.response",),
     "noise": ("sensor.noise", "sensor.resolution"),
     "taxel gains": ("sensor.gain_spread",),
+    "texture": ("sensor.texture",),
     "placement": ("placement_mm", "placement_rad"),
     "load": ("load_spread",),
     "tilt, layer and wrist": (

@@ -28,7 +28,7 @@ def fitted_world(options: ScanOptions, fit: SensorFit, unit: str) -> dict[str, A
     force is as stated; else the force takes both. A pressure that is larger by one
     factor everywhere has a larger slope, too: tilts grow with it, or, where the gain is that of another unit, layer
     and wrist. A recorded press is a mean of frames; what the mean leaves of the sensor's resolution is part of the
-    fitted noise. A response and a spread of loads whose intervals include none are left out. What is
+    fitted noise. A response whose interval includes none is left out. What is
     beyond the bounds of a scan's options is put on the nearest bound: `clipped` names it.
     """
     return merged(stated_world(options, unit), _rounded(_changes(options, fit)))
@@ -93,12 +93,14 @@ def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
         layer = float(np.clip(gain, least, most))
     tilt = gain / layer
     tilt_x, tilt_y = (tilt * fit.tilt_offset).tolist()
-    uneven = fit.load_spread_range[0] > 0
+    bend = (
+        1.0 if bent else fit.response
+    )  # what a response that is left out did to what presses and taxels differ by
     return {
         "placement_mm": fit.placement_mm,
         "placement_rad": fit.placement_rad,
         "placement_tilt": tilt * fit.placement_tilt,
-        "load_spread": fit.load_spread if uneven else 0.0,
+        "load_spread": bend * fit.load_spread,
         "press": {
             "force": options.press.force * gain,
             "stiffness": layer * fit.stiffness,
@@ -111,7 +113,8 @@ def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
             "response": fit.response if bent else 1.0,
             "response_pressure": pressure,
             "noise": fit.noise,
-            "gain_spread": fit.gain_spread,
+            "gain_spread": bend * fit.gain_spread,
+            "texture": bend * fit.texture,
             "resolution": 0.0,
         },
     }

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
+from tactsim.core.idle import find_idle
 from tactsim.core.poses import FloatArray, compose
 from tactsim.hardware.sensor_fit import Guess
 from tactsim.models.letter import Letter
@@ -18,6 +19,11 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.touches import Pressed, Touches
 
+_GRAZES = 0.2  # of what most presses feel at most: one that is to feel less is not judged by its picture
+_IDLE, _FITS = (
+    0.05,
+    0.05,
+)  # of what most feel at most; the least cosine with what is pressed in the simulation
 _LEAST_AREA = 0.3  # of a letter's, that is left of it if its outline is moved inwards
 
 
@@ -135,6 +141,41 @@ class PressesAsRecorded:
                 },
             )
         return self._pressed[1]
+
+
+def check_presses(recorded: Scan, predicted: FloatArray) -> None:
+    """Refuse recorded presses that cannot be those of the simulation, with predicted (n, taxels) kPa at their poses.
+
+    Raises InputError for idle frames where the simulation touches, a press that resembles nothing of what it presses
+    there, and a press that two labels have in common. Presses that only graze an object are not judged.
+    """
+    felt = np.clip(find_idle(recorded.readings).rise(recorded.readings), 0, None)
+    predicted = np.nan_to_num(predicted)
+    touch, most = predicted.max(axis=1), felt.max(axis=1)
+    judged = touch > _GRAZES * (np.median(touch[touch > 0]) if touch.any() else 0.0)
+    idle = judged & (most <= _IDLE * (np.median(most[judged]) if judged.any() else 0.0))
+    size = np.linalg.norm(felt, axis=1) * np.linalg.norm(predicted, axis=1)
+    lost = judged & ~idle & ((felt * predicted).sum(axis=1) < _FITS * size)
+    for wrong, what in (
+        (
+            idle,
+            "are idle frames, which feel next to nothing where the simulation touches: {}; leave them out",
+        ),
+        (lost, "fit nowhere on what is pressed at their poses: {}; are poses and labels right?"),
+    ):
+        for label in recorded.letters:
+            own = np.flatnonzero(recorded.labels == label)
+            if wrong[own].any():
+                numbers = ", ".join(map(str, np.flatnonzero(wrong[own])[:10] + 1))
+                raise InputError(f"of the {len(own)} presses of {label!r} these " + what.format(numbers))
+    first: dict[bytes, int] = {}
+    for row in np.flatnonzero(judged).tolist():
+        other = first.setdefault(recorded.readings[row].tobytes(), row)
+        if recorded.labels[other] != recorded.labels[row]:
+            raise InputError(
+                f"a press of {str(recorded.labels[row])!r} is one of {str(recorded.labels[other])!r}, to the last bit: "
+                "the same object under two labels, or a file read twice"
+            )
 
 
 def wider(letter: Letter, by: float) -> Letter:

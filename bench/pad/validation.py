@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench.pad.explained import Part, ablation, explained
 from tactsim.bench.pad.fitted_world import check_world, clipped, fitted_world
-from tactsim.bench.pad.recorded_presses import PressesAsRecorded
+from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
 from tactsim.bench.pad.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
@@ -97,20 +97,22 @@ def validate(
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
     Near copies of a press are averaged for the fit (`numbers_of_copies`); its noise is that of single presses.
     ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
-    Raises InputError if the recorded letters or taxels are not in the simulation, or for an estimator or option that
-    does not exist.
+    Raises InputError if the recorded letters or taxels are not in the simulation, for presses that cannot be its own
+    (`check_presses`), or for an estimator or option that does not exist.
     """
     for name in estimators:
         create(name, **(options or {}))  # a wrong name or option is reported before the work
     apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
     single = recorded.where("train") if apart else recorded
+    every = PressesAsRecorded(simulated, single)
+    unit = str(recorded.meta.get("unit", "kPa"))
+    check_world(every.options, unit)
+    check_presses(single, every(every.stated, every.level))
     copies = numbers_of_copies(single)
     averaged = means(single, copies)
     chosen = some_presses(averaged)
     few = averaged.chosen(chosen)
     presses = PressesAsRecorded(simulated, few)
-    unit = str(recorded.meta.get("unit", "kPa"))
-    check_world(presses.options, unit)
     as_it_is = presses(presses.stated, presses.level)
     fit = fit_sensor(
         few.readings, presses, presses.stated, presses.bending(), folds(few), presses.outline,

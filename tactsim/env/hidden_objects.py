@@ -12,7 +12,7 @@ from tactsim.bench.trials import draw_true_pose
 from tactsim.core import compose
 from tactsim.core.poses import FloatArray
 from tactsim.env.world import NORMALS, World
-from tactsim.press.sensor import Chance, answered, reported
+from tactsim.press.sensor import Chance, answered, reported, textured
 
 
 @dataclass(eq=False)
@@ -70,7 +70,10 @@ def touch(
     )
     poses = compose(np.stack([one.robot_in_object for one in hidden]), sensor_in_robot)
     ideal, rests = world.press([one.letter for one in hidden], poses, normals)
-    felt = answered(ideal, sensor, world.gain)
+    gain = world.gain
+    if sensor.texture:
+        gain = np.concatenate([textured(gain, sensor, 1, one.rng) for one in hidden])
+    felt = answered(ideal, sensor, gain)
     for row, one in enumerate(hidden):
         if rests[row]:
             if sensor.lag and one.felt is not None:

@@ -122,7 +122,7 @@ def most_pressure(world: World) -> float:
     if sensor.saturation is not None:
         return float(np.float32(sensor.saturation))
     ideal = 10 * 1e3 * force / (pad.taxel_width * pad.taxel_height)
-    high = answered(np.full((1, pad.taxels), ideal), sensor, world.gain).max()
+    high = answered(np.full((1, pad.taxels), ideal), sensor, world.gain + 10 * sensor.texture).max()
     if (
         sensor.ghosting != "none"
     ):  # no cell reads more than in a pad whose cells all conduct as the best one does

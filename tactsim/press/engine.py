@@ -127,7 +127,7 @@ def press_letter(
         raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {short(sensor_in_object)}")
     sensor = options.sensor
     if rng is None:
-        sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0})
+        sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0, "texture": 0.0})
         rng = np.random.default_rng(0)
     touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     if rotation is not None:

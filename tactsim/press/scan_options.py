@@ -165,6 +165,13 @@ class SensorOptions(BaseModel):
     gain_spread: float = Field(
         0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
     )
+    texture: float = Field(
+        0.0,
+        ge=0,
+        le=3,
+        exclude_if=lambda spread: spread == 0,
+        description="standard deviation of what the contact of a press adds to each taxel's gain (assumed even)",
+    )
     response: float = Field(
         1.0,
         ge=0.2,

@@ -49,6 +49,7 @@ def sense(
     are off, so switching one off changes nothing else. Readings may be below zero, as a tared sensor's are.
     """
     chance = Chance.draw(ideal.shape, rng)
+    gain = textured(gain, options, 1 if one_touch else len(ideal), rng)
     felt = answered(hysteretic(ideal, options.hysteresis) if one_touch else ideal, options, gain)
     if options.lag and not one_touch:
         for before, now in pairwise(felt):
@@ -56,8 +57,19 @@ def sense(
     return reported(felt, np.arange(1, len(felt) + 1), options, chance, rows)
 
 
+def textured(gain: FloatArray, options: SensorOptions, presses: int, rng: np.random.Generator) -> FloatArray:
+    """Add to the taxels' gains (taxels,) what the contact of each press does: (presses, taxels), or the same if even.
+
+    A pad and an object are not flat: where their unevenness adds up to a gap nothing is felt, so none is below 0. It is
+    drawn after all else, and only where there is a texture.
+    """
+    if not options.texture:
+        return gain
+    return np.maximum(gain + options.texture * rng.standard_normal((presses, len(gain))), 0)
+
+
 def answered(ideal: FloatArray, options: SensorOptions, gain: FloatArray) -> FloatArray:
-    """Apply the taxels' gains (taxels,) and their response curve to ideal readings (n, taxels) kPa."""
+    """Apply the taxels' gains, (taxels,) or (n, taxels), and their response curve to ideal readings (n, taxels) kPa."""
     readings = gain * ideal
     if options.response != 1:
         at = options.response_pressure

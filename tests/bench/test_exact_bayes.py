@@ -67,7 +67,9 @@ def test_an_estimate_before_any_reading_is_out_of_order():
         exact.reset(np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("option", ["sensor.gain_spread=0.3", "load_spread=0.3", "sensor.random_taxels=0.2"])
+@pytest.mark.parametrize(
+    "option", ["sensor.gain_spread=0.3", "sensor.texture=0.3", "load_spread=0.3", "sensor.random_taxels=0.2"]
+)
 def test_what_exact_bayes_does_not_know_is_said(here, option):
     out = here("bound", "--letters", "I", "--trials", "1", "--readings", "2", "--scan-set", option, "--json")
     found = json.loads(out.stdout)

@@ -3,6 +3,7 @@
 import json
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -368,6 +369,35 @@ def test_scans_that_cannot_be_compared_are_refused(here, tmp_path):
     # Before anything is compared, which takes long.
     refused(here(*words, "a.npz", "--recorded", "moved.npz", "--estimator", "nix"), "unknown estimator 'nix'")
     refused(here("scan", "--out", "b.npz", "--world", "nothing.toml"), "cannot read world nothing.toml")
+
+
+def test_presses_that_cannot_be_what_was_simulated_are_refused(here, tmp_path):
+    """Each is named, before anything is fitted: idle frames, another place, one object under two labels."""
+    right(here("scan", "--letters", "AE", "--out", "ae.npz"))
+    scan = Scan.load(tmp_path / "ae.npz").where("train")
+    near = np.flatnonzero((scan.labels == "A") & (np.linalg.norm(scan.poses[:, :2], axis=1) < 5))[:2]
+    numbers = ", ".join(str(row + 1) for row in near)  # A comes first
+
+    def refused_for(why, readings):
+        replace(scan, readings=readings).save(tmp_path / "wrong.npz")
+        refused(here("validate", "--simulated", "ae.npz", "--recorded", "wrong.npz"), why)
+
+    idle = scan.readings.copy()
+    idle[near] = 0.0
+    refused_for(
+        "of the 192 presses of 'A' these are idle frames, which feel next to nothing where the simulation touches: "
+        f"{numbers};",
+        idle,
+    )
+    turned = scan.readings.copy()
+    turned[near] = 0.0
+    turned[near, scan.readings[near].argmin(axis=1)] = 50.0
+    refused_for(
+        f"of the 192 presses of 'A' these fit nowhere on what is pressed at their poses: {numbers};", turned
+    )
+    twice = scan.readings.copy()
+    twice[np.flatnonzero(scan.labels == "E")[near]] = twice[near]
+    refused_for("a press of 'E' is one of 'A', to the last bit", twice)
 
 
 def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, here, tmp_path):

@@ -97,6 +97,19 @@ def test_gains_that_are_not_there_are_left_alone(rng):
     assert fit.gain_per_taxel == pytest.approx(np.ones(36), abs=0.01)
 
 
+@pytest.mark.parametrize(("own", "contact"), [(0.0, 0.0), (0.2, 0.4), (0.5, 0.5)])
+def test_what_no_fit_explains_is_the_spread_of_gains_and_the_texture(own, contact):
+    """Single presses are patterns of their own here: of each, other presses tell only what is the taxel's."""
+    rng = np.random.default_rng(8)
+    world = Bumps(rng, presses=120)
+    gain = np.maximum(1 + own * rng.standard_normal(36), 0)
+    factor = np.maximum(gain + contact * rng.standard_normal((120, 36)), 0)
+    recorded = factor * read(world, 0.8, np.zeros((120, 3))) + 0.3 * rng.standard_normal((120, 36))
+    fit = fit_sensor(recorded, world, STATED, BENDING)
+    assert fit.gain_spread == pytest.approx(own, abs=0.12)
+    assert fit.texture == pytest.approx(contact, abs=0.12)
+
+
 def test_a_point_spread_on_its_bound_has_no_tight_interval(rng):
     """What is recorded is sharper than the sharpest point spread that is tried."""
     world = Bumps(rng)

@@ -46,6 +46,29 @@ def test_gains_lie_about_1_and_none_is_below_zero():
         assert (gain <= limit).mean() == pytest.approx(share, abs=2.5 / np.sqrt(len(gain)))
 
 
+def test_texture_differs_from_press_to_press_and_changes_no_other_draw():
+    even, uneven = (
+        sensed(np.full((400, 36), 10.0), texture=spread, noise=1.0, random_taxels=0.1)
+        for spread in (0.0, 0.3)
+    )
+    replaced = np.abs(even - 10) > 5  # they read shares of the largest, which texture changes
+    factor = (uneven - even)[~replaced] / 10 + 1
+    assert factor.mean() == pytest.approx(1, abs=0.01)
+    assert factor.std() == pytest.approx(0.3, abs=0.01)
+    wild = sensed(np.ones((400, 36)), texture=2.0)
+    assert wild.min() == 0
+    assert (wild == 0).mean() == pytest.approx(0.3085, abs=0.02)
+
+
+def test_images_of_one_touch_have_one_texture():
+    sensor = SensorOptions(**{**OFF, "texture": 0.5})
+    images = np.outer([1.0, 2.0, 4.0], np.ones(36))
+    felt = sense(images, sensor, np.ones(36), np.random.default_rng(0), one_touch=True)
+    assert felt[1] == pytest.approx(2 * felt[0])
+    assert felt[2] == pytest.approx(4 * felt[0])
+    assert felt[0].std() > 0.2
+
+
 def test_lag_keeps_a_share_of_the_last_reading():
     ideal = np.zeros((4, 36))
     ideal[0] = 10.0

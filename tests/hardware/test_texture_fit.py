@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from tactsim.hardware.texture_fit import moments, unevenness
+
+PATTERNS, TAXELS = 20, 300
+
+
+def readings(rng, own, contact, noise, copies=1):
+    """Presses of patterns whose contact covers a third of the taxels, and what a fit without unevenness predicts."""
+    predicted = rng.uniform(20, 60, (PATTERNS, TAXELS)) * (rng.random((PATTERNS, TAXELS)) < 0.33)
+    gain = np.maximum(1 + own * rng.standard_normal(TAXELS), 0)
+    factor = np.maximum(gain + contact * rng.standard_normal(predicted.shape), 0)
+    image = np.repeat(factor * predicted, copies, axis=0)
+    loads = rng.uniform(0.5, 2, (len(image), 1))
+    recorded = loads * image + noise * rng.standard_normal(image.shape)
+    return recorded, np.repeat(predicted, copies, axis=0), np.repeat(np.arange(PATTERNS), copies)
+
+
+@pytest.mark.parametrize(("own", "contact"), [(0.3, 0.1), (0.1, 0.5), (0.5, 0.5), (0.8, 0.9)])
+@pytest.mark.parametrize("seed", range(3))
+def test_known_spreads_are_found_again(own, contact, seed):
+    found = unevenness(*readings(np.random.default_rng(seed), own, contact, 1.0), 1.0)
+    assert found == pytest.approx((own, contact), rel=0.3, abs=0.1)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+def test_an_even_pad_has_next_to_none(noise):
+    own, contact = unevenness(*readings(np.random.default_rng(1), 0, 0, noise), noise)
+    assert own < 0.03
+    assert contact < 0.06
+
+
+def test_copies_of_a_pattern_do_not_make_its_texture_the_taxels_own():
+    recorded, predicted, pattern = readings(np.random.default_rng(2), 0.2, 0.6, 0.5, copies=10)
+    own, contact = unevenness(recorded, predicted, pattern, 0.5)
+    assert (own, contact) == pytest.approx((0.2, 0.6), abs=0.1)
+    assert unevenness(recorded, predicted, np.arange(len(pattern)), 0.5)[0] > own + 0.05
+
+
+def test_one_pattern_says_nothing_of_the_taxels_own():
+    recorded, predicted, _ = readings(np.random.default_rng(3), 0.5, 0.0, 0.1)
+    own, contact = unevenness(recorded[:1], predicted[:1], np.zeros(1, dtype=int), 0.1)
+    assert own < 0.01
+    assert contact == pytest.approx(0.5, abs=0.2)
+
+
+def test_presses_of_which_nothing_is_predicted_do_not_count():
+    recorded, predicted, pattern = readings(np.random.default_rng(4), 0.3, 0.4, 0.1)
+    known = unevenness(recorded, predicted, pattern, 0.1)
+    more = np.full((1, TAXELS), 50.0), np.zeros((1, TAXELS)), [PATTERNS]
+    beside = (np.concatenate(both) for both in zip((recorded, predicted, pattern), more, strict=True))
+    assert unevenness(*beside, 0.1) == pytest.approx(known)
+    assert unevenness(recorded, np.full_like(predicted, np.nan), pattern, 0.1) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("own", "contact"), [(0.0, 0.7), (0.6, 0.0), (0.5, 0.9), (1.0, 3.0)])
+def test_moments_are_those_of_drawn_factors(own, contact):
+    rng = np.random.default_rng(5)
+    gain = np.maximum(1 + own * rng.standard_normal(1_000_000), 0)
+    one, other = (np.maximum(gain + contact * rng.standard_normal(len(gain)), 0) for _ in range(2))
+    mean = (one.mean() + other.mean()) / 2
+    drawn = one.var() / mean**2, np.mean(one * other) / mean**2 - 1
+    assert moments(own, contact) == pytest.approx(drawn, rel=0.02, abs=0.005)
