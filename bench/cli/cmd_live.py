@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +46,13 @@ def command(
     readings: Annotated[
         int | None, typer.Option(min=1, help="End after so many touches. Default: go on.")
     ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--shape",
+            help="A shape of your own, learned beside AEIOU; --port simulated:NAME of its file hides it.",
+        ),
+    ] = None,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
@@ -77,6 +85,7 @@ def command(
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
+    from tactsim.models import shape
 
     pads.refuse_without_page(context, web)
     if explore not in (None, "information", "random"):
@@ -88,14 +97,14 @@ def command(
         raise proposes_none(estimator)
     ask = made.proposes and explore != "random"
     console = plain_console(stderr=as_json)
-    pressed = open_pressed(port, described, correction, seed)
+    pressed = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
     with pressed.source as source, ExitStack() as stack:
         reader = PadReader(source, pressed.device, " ".join(port))
         if pressed.plan is not None:  # a pad speaks while the estimator learns
             stack.enter_context(reader)
         with progress_bars() as progress:
             train = on_taxels(
-                _training(train_scan, pressed.device, progress),
+                _training(train_scan, pressed.device, shapes or (), progress),
                 source.taxel_xy,
                 str(train_scan or "the simulation"),
             )
@@ -126,7 +135,7 @@ def command(
             raise leading.error
 
 
-def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
+def _training(path: Path | None, device: Device, shapes: Sequence[Path], progress: Progress) -> Scan:
     """Load the training readings, or press them."""
     from tactsim.bench.placement import load_scan
     from tactsim.press import ScanOptions, scan_letters
@@ -134,5 +143,5 @@ def _training(path: Path | None, device: Device, progress: Progress) -> Scan:
 
     if path is not None:
         return load_scan(path)
-    options = on_pad_of(device, ScanOptions())
+    options = on_pad_of(device, ScanOptions(shapes=tuple(map(str, shapes))))
     return scan_letters(options, progress=lambda done, total: progress("press", done, total))[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from tactsim.hardware.paced import Paced
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.session import Plan
 from tactsim.hardware.sources import open_source
-from tactsim.models import letter
+from tactsim.models import Letter, letter
 from tactsim.press import ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import grid_poses, stage_for
@@ -38,20 +39,20 @@ _PAUSE = 0.5  # s that the hand takes to its next place
 class HiddenObject(SimulatedPad):
     """Readings of the pad of a device while a hand presses a letter in the default world. There is no zero to correct.
 
-    label: the letter. robot_in_object: (3,) where it lies. poses: (n, 3) sensor_in_robot of the presses that may be
+    label: its name. robot_in_object: (3,) where it lies. poses: (n, 3) sensor_in_robot of the presses that may be
     asked for.
     """
 
     calibrated = True
 
     def __init__(
-        self, label: str, robot_in_object: FloatArray, poses: FloatArray, device: HasPad, seed: int
+        self, hidden: Letter, robot_in_object: FloatArray, poses: FloatArray, device: HasPad, seed: int
     ) -> None:
-        """Hide the letter. Raises InputError if there is no such letter."""
-        self.label, self.robot_in_object = label, robot_in_object
-        self._letter, self._poses, self._seed = letter(label), poses, seed
+        """Hide the letter or shape."""
+        self.label, self.robot_in_object = hidden.name, robot_in_object
+        self._letter, self._poses, self._seed = hidden, poses, seed
         self._options = on_pad_of(device, ScanOptions())
-        noise = stream(seed, label, "sense")
+        noise = stream(seed, self.label, "sense")
         super().__init__(device, sensing(Pressing(device.pad.taxels, self._wanted), self._options, noise))
         self._row: FloatArray | None = None
         self._from = 0.0  # host time from which the hand presses
@@ -105,10 +106,16 @@ class Pressed:
         return TouchLeader(recogniser, self.plan, self.source.pad, explore, seed, hand)
 
 
-def open_pressed(ports: list[str], device: Device, calibration: Calibration | None, seed: int) -> Pressed:
+def open_pressed(
+    ports: list[str],
+    device: Device,
+    calibration: Calibration | None,
+    seed: int,
+    shapes: Sequence[Letter] = (),
+) -> Pressed:
     """Open what is pressed: simulated:LETTER[@x,y,theta], recording:FILE of a guided session, or the ports of a pad.
 
-    A simulated letter lies at the pose robot_in_object, or at one drawn by the seed.
+    A simulated letter, or one of `shapes` by its name, lies at the pose robot_in_object, or at one drawn by the seed.
     Raises InputError if it cannot be opened.
     """
     place = ports[0]
@@ -132,7 +139,8 @@ def open_pressed(ports: list[str], device: Device, calibration: Calibration | No
         if pose
         else draw_true_pose(np.random.default_rng(seed), offsets(device.pad.taxel_xy))
     )
-    hidden = HiddenObject(label or "A", where, np.array(plan.poses), device, seed)
+    own = {shape.name: shape for shape in shapes}
+    hidden = HiddenObject(own.get(label) or letter(label or "A"), where, np.array(plan.poses), device, seed)
     return Pressed(hidden, device, plan, truth=Truth(hidden.label, where))
 
 

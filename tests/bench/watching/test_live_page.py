@@ -13,6 +13,7 @@ from tactsim.bench.watching.web import WebPage
 from tactsim.core import Scan
 from tactsim.estimators import create
 from tactsim.hardware.session import Plan
+from tactsim.models import letter
 
 pytestmark = [pytest.mark.long, needs_browser]
 POSES = ((0.0, 4.0, 0.0), (0.0, -4.0, 0.0))
@@ -24,7 +25,7 @@ def served(device, scan_file):
     estimator = create("histogram", bins=1000)
     recogniser = Recogniser.fitted(estimator, train, 0)
     place = np.array([1.0, 0.5, 0.4])
-    hidden = HiddenObject("I", place, np.array(POSES), device, 0)
+    hidden = HiddenObject(letter("I"), place, np.array(POSES), device, 0)
     plan = Plan(label="live", poses=POSES, frames=5, window=5, patience=1.0, touch_kpa=10.0)
     leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
     told = Told(leading, train, estimator.maps, hidden, Truth("I", place), from_behind=True)

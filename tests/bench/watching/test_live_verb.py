@@ -22,6 +22,7 @@ from tactsim.core.reading import Reading
 from tactsim.estimators import create
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Plan
+from tactsim.models import letter
 from tactsim.press import ScanOptions, scan_letters
 
 POSE = (0.0, 4.0, 0.0)
@@ -34,7 +35,7 @@ def one_pose(device, scan_file):
     train = on_taxels(Scan.load(scan_file), device.pad.taxel_xy, "x")
     estimator = create("histogram", bins=1000)
     place = np.array([1.0, 0.5, 0.4])
-    hidden = HiddenObject("I", place, np.array([POSE]), device, 0)
+    hidden = HiddenObject(letter("I"), place, np.array([POSE]), device, 0)
     plan = Plan(label="live", poses=(POSE,), frames=5, window=5, patience=1.0, touch_kpa=10.0)
     leading = TouchLeader(Recogniser.fitted(estimator, train, 0), plan, device.pad, "random", 0, hand=hidden)
     told = Told(leading, train, estimator.maps, hidden, Truth("I", place), from_behind=True)
@@ -57,6 +58,18 @@ def recording(tmp_path, device, scan_file):
                 recorder.mark({"number": k // 3, "what": "taken", "first": k - 2, "count": 3}, 0.01 * k)
         recorder.end({}, 0.2)
     return path
+
+
+@pytest.mark.long
+def test_a_shape_of_ones_own_is_learned_and_hidden(here, tmp_path):
+    (tmp_path / "bar.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="24mm" height="6mm"><rect width="24mm" height="6mm"/></svg>'
+    )
+    words = ["--port", "simulated:bar@1,2,0.5", "--readings", "2", "--json", "--shape"]
+    said = json.loads(here("live", *words, "bar.svg", *SMALL).stdout.splitlines()[-1])
+    assert said["truth"] == "bar"
+    assert set(said["probabilities"]) == {*"AEIOU", "bar"}
+    refused(here("live", "--port", "simulated:rod", "--shape", "bar.svg"), "unknown letter 'rod'")
 
 
 @pytest.mark.long

@@ -17,6 +17,7 @@ from tactsim.estimators import create
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.recording import Kind
 from tactsim.hardware.session import Plan
+from tactsim.models import letter
 
 POSES = [(0.0, 4.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 1.6), (60.0, 0.0, 0.0)]
 PLACE = np.array([1.0, 0.5, 0.4])
@@ -41,7 +42,7 @@ def recogniser(fitted):
 @contextmanager
 def led(recogniser, device, poses=POSES, frames=5):
     plan = Plan(label="live", poses=poses, frames=frames, window=5, patience=1.0, touch_kpa=10.0)
-    hidden = HiddenObject("I", PLACE, np.array(poses), device, 0)
+    hidden = HiddenObject(letter("I"), PLACE, np.array(poses), device, 0)
     leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
     with PadReader(hidden, device, "here", on_reading=leading.take) as reader, leading:
         yield leading, reader
