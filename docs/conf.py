@@ -50,6 +50,7 @@ html_theme = "furo"
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_extra_path = ["llms.txt"]
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -40,6 +40,8 @@ OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART}
 NOT_RUN = {
     ("docs/attach.md", "your robot is not here"),
     ("docs/data.md", "it downloads"),
+    ("docs/other-tools.md", "zarr is no dependency"),
+    ("docs/other-tools.md", "rerun is no dependency"),
     (
         "docs/hardware.md",
         "the first block of this page does the same with its own scans, and fitting takes a minute",

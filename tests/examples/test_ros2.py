@@ -1,0 +1,74 @@
+"""The example package for ROS 2: messages of its own classes, as the package rosbags has them, become readings."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tactsim
+from tactsim.core import Pad
+from tactsim.core.source import SourceError
+from tactsim.hardware.device import Device
+
+EXAMPLE = Path(tactsim.__file__).parents[1] / "examples" / "ros2"
+sys.path.insert(0, str(EXAMPLE))
+from tactsim_ros2 import open_source, reading_of  # noqa: E402
+
+PAD = Pad(rows=2, columns=3, seam=None)
+KPA = np.array([[1.5, 2.5, 3.5], [4.5, 5.5, -0.25]])  # as an image: the top row first
+
+
+@pytest.fixture(scope="module")
+def image():
+    """Make a message, by way of the bytes that ROS 2 sends."""
+    stores = pytest.importorskip("rosbags.typesys")
+    store = stores.get_typestore(stores.Stores.ROS2_JAZZY)
+    types = store.types
+
+    def make(values=KPA, big=False, padding=0, **changes):
+        rows = values.astype(">f4" if big else "<f4")
+        data = np.pad(rows.view(np.uint8), ((0, 0), (0, padding))).ravel()
+        header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](100, 250_000_000), "pad")
+        fields = {
+            "header": header, "height": values.shape[0], "width": values.shape[1], "encoding": "32FC1",
+            "is_bigendian": int(big), "step": 4 * values.shape[1] + padding, "data": data,
+        }  # fmt: skip
+        message = types["sensor_msgs/msg/Image"](**(fields | changes))
+        return store.deserialize_cdr(
+            store.serialize_cdr(message, "sensor_msgs/msg/Image"), "sensor_msgs/msg/Image"
+        )
+
+    return make
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("padding", [0, 4])
+def test_an_image_is_a_reading_from_the_bottom_row_up(image, big, padding):
+    reading = reading_of(image(big=big, padding=padding), PAD, now=7.0, index=3)
+    assert reading.pressures.tolist() == [4.5, 5.5, -0.25, 1.5, 2.5, 3.5]
+    assert (reading.host_time, reading.device_time, reading.index) == (7.0, 100.25, 3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"encoding": "mono8"}, "publish pressures in kPa as '32FC1'"),
+        ({"values": KPA[:, :2]}, "have 2x2 taxels, the device file 2x3"),
+        ({"step": 8}, "has 24 bytes, 8 a row"),
+    ],
+)
+def test_an_image_that_is_none_of_the_pad_is_named_in_one_line(image, changes, says):
+    with pytest.raises(SourceError, match=says):
+        reading_of(image(**changes), PAD, 0.0, 1)
+
+
+def test_the_package_names_its_source_and_says_that_it_needs_ros():
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
+    assert project["project"]["entry-points"]["tactsim.sources"] == {"ros2": "tactsim_ros2:open_source"}
+    device = Device(name="mine", pad=PAD)
+    with pytest.raises(SourceError, match="one pad is one topic"):
+        open_source(["/a", "/b"], device, None)
+    with pytest.raises(SourceError, match="needs ROS 2"):
+        open_source(["/tactile"], device, None)
