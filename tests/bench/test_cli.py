@@ -17,7 +17,6 @@ from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
 from tactsim.bench.cli.app import GROUPS, VERBS, load
 from tactsim.bench.experiment import perform
-from tactsim.bench.machine import versions
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 
@@ -132,49 +131,6 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
     assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])
 
 
-@pytest.mark.long
-def test_the_same_seed_gives_the_same_files_whatever_the_jobs_and_the_cache(here, drawn, tmp_path):
-    words = ["run", *SMALL, "--estimator", "histogram", "--letters", "IL", "--out"]
-    assert here(*words, "a", "--jobs", "1").returncode == 0
-    assert here(*words, "b", "--jobs", "2").returncode == 0
-    assert here(*words, "c", "--no-cache").returncode == 0
-    for name in ("trials.csv", "summary.json", "run.json", "readings.png", "maps.png"):
-        first = (tmp_path / "a" / name).read_bytes()
-        assert (tmp_path / "b" / name).read_bytes() == first, name
-        assert (tmp_path / "c" / name).read_bytes() == first, name
-
-
-@pytest.mark.long
-def test_another_seed_gives_other_trials(here, tmp_path):
-    for seed in (0, 1):
-        here("run", *SMALL, "--letters", "AE", "--out", f"s{seed}", "--seed", seed)
-    assert (tmp_path / "s0" / "trials.csv").read_bytes() != (tmp_path / "s1" / "trials.csv").read_bytes()
-
-
-@pytest.mark.long
-def test_a_scan_is_written_and_run_from_its_file(here, scan_file):
-    scan = Scan.load(scan_file)
-    assert scan.letters == ("I", "O")
-    assert len(scan) == 2 * 2 * 192
-    result = here("run", *SMALL, "--scan", scan_file, "--json")
-    assert json.loads(result.stdout)["letters"] == ["I", "O"]
-    assert json.loads(result.stdout)["work"]["presses"] == 0
-    pressed = here("run", *SMALL, "--letters", "IO", "--json")
-    for key in ("accuracy", "error_mm"):
-        assert json.loads(pressed.stdout)[key] == json.loads(result.stdout)[key]
-
-
-def test_one_trial_is_counted_as_one_and_readings_from_the_cache_are_said_to_be(here):
-    here("scan", "--letters", "I", "--out", "first.npz")
-    said = here("scan", "--letters", "I", "--out", "again.npz").stdout
-    assert "work  nothing new; skipped: from the cache 384" in said
-    words = ["run", "--estimator", "nearest", "--letters", "I", "--readings", "1", "--trials"]
-    for trials, counted in ((1, "1 trial"), (2, "2 trials")):
-        said = here(*words, trials, "--verbose").stdout
-        assert f"I: {counted} each, " in said
-        assert f"({counted})" in said
-
-
 def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
     words = [
         "--letters",
@@ -204,13 +160,6 @@ def test_a_chosen_order_marks_the_protocol_and_is_timed(here):
     answer = json.loads(run.stdout)
     assert "chosen by information" in answer["protocol"]
     assert answer["seconds"]["propose_per_reading"] > 0
-
-
-@pytest.mark.long
-def test_training_and_test_readings_may_come_from_two_files(here, scan_file, tmp_path):
-    here("scan", "--out", "other.npz", "--letters", "IO", "--seed", "7")
-    result = here("run", *SMALL, "--train-scan", scan_file, "--scan", "other.npz", "--json")
-    assert result.returncode == 0, result.stderr
 
 
 def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
@@ -246,27 +195,6 @@ def test_a_scan_keeps_the_images_of_each_press_if_asked_to(scan_through_time):
     assert (
         np.abs(scan.sequence[touching, -1] - scan.readings[touching]).std() < 2 * 2.0
     )  # both with noise of 2 kPa
-
-
-def test_help_names_every_verb_and_list_every_estimator(here):
-    text = here("--help").stdout
-    for verb in ("run", "scan", "list", "sweep"):
-        assert verb in text
-    listing = here("list").stdout
-    for word in (
-        "histogram",
-        "budget: bins",
-        "budget: particles",
-        "paper-like",
-        "bench list scan-options",
-        "accuracy",
-    ):
-        assert word in listing
-    assert "gamma" not in listing
-    own = here("list", "estimators", "histogram").stdout
-    assert "gamma" in own
-    assert "tempered" not in own
-    assert "press.force" in here("list", "scan-options").stdout
 
 
 BAD = {
@@ -371,17 +299,6 @@ def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_c
     assert not list(own_cache.iterdir())
 
 
-def test_training_readings_that_are_missing_are_refused_before_the_press(here, own_cache):
-    refused(here("run", "--letters", "I", "--train-scan", "none.npz"), "none.npz", "No such file")
-    assert not list(own_cache.iterdir())
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written_is_refused(bench, tmp_path):
-    (tmp_path / "locked").mkdir(mode=0o500)
-    refused(bench("run", "--out", "locked/run"), "locked")
-
-
 @pytest.mark.parametrize(
     "words",
     [
@@ -431,12 +348,6 @@ def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     assert "interrupted" in errors
     assert "Traceback" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
-
-
-def test_the_version_is_said_with_those_of_the_libraries(here):
-    lines = dict(line.split() for line in here("--version").stdout.splitlines())
-    assert lines == versions()
-    assert next(iter(lines)) == "tactsim"
 
 
 def test_every_verb_is_in_one_group_of_the_help():

@@ -173,24 +173,6 @@ def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, other)
     assert (sweep.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
 
 
-def test_a_worker_stays_with_a_run_and_every_chunk_is_taken_once():
-    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=1, readings=3))
-    three = [
-        sweep.chunks_of(name, run.plan, [OneTrial(letter, trial) for letter in "IO" for trial in range(25)])
-        for name in "abc"
-    ]
-    assert [len(chunk.tasks) for chunk in three[0]] == [20, 20, 10]
-    assert [task.truth for chunk in three[0] for task in chunk.tasks] == ["I"] * 25 + ["O"] * 25
-    waiting, begun, taken = [chunk for of_run in three for chunk in of_run], set(), []
-    for fitted in (None, None, "b", "b", "b", "b", "c", "c", "c"):
-        taken.append(sweep.take(waiting, fitted, begun))
-        begun.add(taken[-1].run)
-    # A worker goes on with its run, or begins another, or helps with the first that is left.
-    assert [chunk.run for chunk in taken] == ["a", "b", "b", "b", "c", "a", "c", "c", "a"]
-    with pytest.raises(IndexError):
-        sweep.take(waiting, None, begun)
-
-
 @pytest.mark.long
 def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
     shutil.copytree(whole, tmp_path / "out")
@@ -299,28 +281,3 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
 def test_what_is_no_address_of_a_scheduler_is_refused_before_the_press(here, own_cache, address):
     refused(here("sweep", "quick", "--dask", address), f"--dask {address}:", "such as tcp://localhost:8786")
     assert not list(own_cache.iterdir())
-
-
-@pytest.mark.long
-def test_no_scheduler_is_said_in_one_line(here, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "SCHEDULER_ANSWERS_IN", 0.5)
-    (tmp_path / "s.toml").write_text(SMALL)
-    for scheme in ("tcp://", ""):
-        address = f"{scheme}127.0.0.1:{free_port()}"
-        refused(here("sweep", "s.toml", "--dask", address), "no scheduler answers")
-
-
-def test_without_the_cache_nothing_is_kept_and_the_files_are_the_same(own_cache, tmp_path, monkeypatch):
-    draw_nothing(monkeypatch)
-    words = {"letters": "I", "trials": 2, "readings": 2, "bound": True}
-    configs = [
-        run_config(**words, estimator="nearest"),
-        run_config(**words, estimator="histogram", bins=99),
-    ]
-    configs.append(run_config(**words, estimator="histogram", bins=200))
-    sweep.perform(configs, tmp_path / "without", jobs=1, cache=False, progress=silent)
-    assert not list(own_cache.rglob("*.readings"))
-    sweep.perform(configs, tmp_path / "with", jobs=1, cache=True, progress=silent)
-    assert list(own_cache.rglob("*.readings"))
-    assert contents(tmp_path / "without") == contents(tmp_path / "with")
-    assert any(name.endswith("bounds.csv") for name in contents(tmp_path / "with"))

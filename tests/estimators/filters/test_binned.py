@@ -13,7 +13,6 @@ from tactsim.estimators.filters.cells import Cells, bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import Weights, pose_samples
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.likelihood import Evidence
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -282,38 +281,3 @@ def test_the_best_bins_are_those_of_all_bins(other_model, split, keep, within):
                 assert np.array_equal(flat, np.flatnonzero(everything >= least - 1e-6))
     assert counted[1].tolist() == [len(field.labels) * grid.bins * 21, 0]
     assert counted[0].sum() == counted[1].sum()
-
-
-def test_several_readings_may_be_new_at_once(other_model):
-    made, scan = other_model
-    grid = StateGrid(12, 13, 10)
-    field = field_of(other_model, grid)
-    lazy, full = (BinnedBelief(field, grid, skip=skip) for skip in (True, False))
-    nothing = Evidence(
-        np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float32)
-    )
-    rng = np.random.default_rng(4)
-    for number, reading in enumerate(rng.integers(len(scan), size=24)):
-        evidence = nothing if number in (0, 9) else made.evidence(scan.readings[reading])
-        # From the ninth on all touches agree. The first say little, so that much may lead for a while.
-        some = evidence if number > 8 else evidence.of_taxels(np.arange(36) < 3 * number)
-        field.append(some, scan.poses[reading].copy() if number > 8 else rng.uniform(-9, 9, 3))
-        if number % 5 == 2:
-            continue
-        taken_in = lazy.update(2.0, 30)
-        assert sum(taken_in) == sum(full.update(2.0, 30))
-        for part, whole in zip(lazy.listed, full.listed, strict=True):
-            assert np.array_equal(part, whole)
-        assert (full.log_belief() <= lazy.upper_bounds()).all()
-
-
-@pytest.mark.parametrize("reach", [1e39, np.inf])
-def test_a_place_that_is_nowhere_is_off_the_map(other_model, reach):
-    made, scan = other_model
-    grid = StateGrid(3, 3, 2)
-    field = field_of(other_model, grid)
-    belief = BinnedBelief(field, grid, skip=True)
-    field.append(made.evidence(scan.readings[0]), np.array([reach, 0.0, 0.0]))
-    belief.update(1.0, 1)
-    flat, _ = belief.listed
-    assert len(flat) <= grid.bins * 3

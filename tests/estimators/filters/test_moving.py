@@ -389,3 +389,18 @@ def test_the_option_says_what_moves():
 def test_a_wrong_motion_is_refused(text):
     with pytest.raises(InputError, match="motion"):
         create("refined", motion=text)
+
+
+def test_clouds_that_are_joined_hold_what_both_held():
+    rng = np.random.default_rng(0)
+    clouds = []
+    for count, evidence in ((5, -2.0), (3, -3.5)):
+        weight = rng.dirichlet(np.ones(2 * count)).reshape(count, 2)
+        clouds.append(Cloud(rng.normal(size=(count, 3)), rng.random(count), np.log(weight), evidence))
+    both = clouds[0].joined(clouds[1])
+    assert both.log_evidence == pytest.approx(np.log(np.exp(-2.0) + np.exp(-3.5)))
+    assert np.exp(both.log_weight).sum() == pytest.approx(1)
+    held = [np.exp(one.log_weight + one.log_evidence) for one in clouds]
+    assert np.exp(both.log_weight + both.log_evidence) == pytest.approx(np.concatenate(held))
+    assert np.array_equal(both.centre, np.concatenate([one.centre for one in clouds]))
+    assert np.array_equal(both.spread, np.concatenate([one.spread for one in clouds]))
