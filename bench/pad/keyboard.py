@@ -15,6 +15,9 @@ def keys() -> Iterator[Callable[[], list[str]]]:
     if not sys.stdin.isatty():
         yield lambda: []
         return
+    if sys.platform == "win32":
+        yield _typed_on_windows
+        return
     try:
         import termios
         import tty
@@ -40,4 +43,14 @@ def _typed() -> list[str]:
         if not key:  # the terminal is gone
             return [*typed, "q"]
         typed.append(key.decode(errors="replace").lower())
+    return typed
+
+
+def _typed_on_windows() -> list[str]:
+    typed: list[str] = []
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            typed.append(msvcrt.getwch().lower())
     return typed
