@@ -16,9 +16,6 @@ INTERRUPTED = 130
 
 def main() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
-    if sys.platform == "win32":
-        print("bench: tactsim runs on Linux and macOS; on Windows, use it within WSL", file=sys.stderr)
-        sys.exit(2)
     try:  # importing takes long enough to be interrupted
         from tactsim.bench.cli.app import run_app
 

@@ -113,3 +113,13 @@ def test_a_recording_and_its_replay(elsewhere):
     assert result.returncode == 0, result.stderr
     result = elsewhere("replay", "a.tactrec")
     assert result.returncode == 0, result.stderr
+
+
+def test_the_command_starts_on_windows():
+    """What other packages do there is theirs: they are imported before the platform is called so."""
+    code = (
+        "import sys, tactsim.bench.cli.app\nfrom tactsim.bench.cli import main\n"
+        "sys.platform, sys.argv = 'win32', ['bench', '--version']\nmain()"
+    )
+    result = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+    assert (result.returncode, result.stderr) == (0, "")
