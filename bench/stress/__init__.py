@@ -22,6 +22,7 @@ TOPICS = (
     "none",
     "motion",
     "press",
+    "dynamics",
 )
 
 __all__ = ["TOPICS", "Case", "Outcome", "cases", "chosen_cases", "run_case", "run_cases"]
