@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.core.source_digest import git_commit, short_commit
+from tactsim.core.source_digest import git_commit, short_commit, source_digest
 
 
 @pytest.fixture
@@ -76,3 +76,7 @@ def test_the_commit_is_that_of_the_checkout():
 def test_a_page_shows_a_commit_in_twelve_digits_or_that_it_is_unknown():
     assert short_commit("0123456789abcdef-changed") == "0123456789ab"
     assert short_commit(None) == "unknown"
+
+
+def test_a_module_without_a_file_counts_by_its_name():
+    assert source_digest("no_such_module_anywhere") != source_digest("nor_this_one")

@@ -324,3 +324,15 @@ def test_decimal_commas_semicolons_and_blanks_are_read():
 def test_lines_that_make_no_sense_are_refused_with_the_reason(options, said):
     with pytest.raises(ValueError, match=said):
         lines(**options)
+
+
+def test_parts_whose_frames_come_in_packets_are_joined_by_their_counter():
+    layout = [*PACKETS[:1], {"is": "address"}, *PACKETS[1:]]
+    parts = [{"address": at, "taxels": [6 * at + k for k in range(6)]} for at in range(2)]
+    with pytest.raises(ValueError, match="joined by their counter: leave out pair_within_s"):
+        small_device(
+            codec={"layout": layout},
+            pad={"rows": 2, "columns": 6, "no_seam": True},
+            part=parts,
+            pair_within_s=0.1,
+        )

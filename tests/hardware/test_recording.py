@@ -398,3 +398,30 @@ def test_folders_made_for_a_recording_in_vain_go_with_it(tmp_path):
     Recorder(tmp_path / "one" / "kept").close()
     Recorder(tmp_path / "one" / "two" / "a").discard()
     assert [path.name for path in tmp_path.rglob("*")] == ["one", "kept"]
+
+
+def test_bytes_of_a_device_that_has_no_codec_are_refused_in_one_line(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.segment({"device": {"name": "x"}}, 0.0)
+        recorder.received(0, b"abc", 0.1)
+    with pytest.raises(InputError, match=r"bytes of a device that has no \[codec\]"):
+        list(Replay(tmp_path / "a"))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"[]", b"{", b'{"device": 3}', b"\xff", b"[" * 100_000, b'{"device": {"name": ""}}'],
+)
+def test_a_hostile_segment_is_refused_in_one_line(tmp_path, payload):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.write(Kind.SEGMENT, 0, 0.0, payload)
+    with pytest.raises(InputError) as error:
+        Replay(tmp_path / "a")
+    assert "\n" not in str(error.value)
+
+
+def test_a_recording_without_a_beginning_is_refused(tmp_path):
+    with Recorder(tmp_path / "a") as recorder:
+        recorder.received(0, b"", 0.0)
+    with pytest.raises(InputError, match="without a beginning"):
+        Replay(tmp_path / "a")

@@ -391,3 +391,12 @@ def test_presses_by_the_clock():
 def test_more_than_all_cannot_be_enough():
     with pytest.raises(ValueError, match="5 presses of 4"):
         plan(enough=5)
+
+
+def test_only_a_steady_press_is_taken(pad):
+    session = Session(plan(), pad)
+    hand = Hand(session, table())
+    hand.rows[0] = table()[0]
+    hand.pressing = lambda now: (50 + 60 * np.sin(30 * now)) * np.ones(6)  # comes and goes
+    assert hand.steps(300) == []
+    assert session.current == 0
