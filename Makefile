@@ -74,11 +74,11 @@ bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at
 	@$(BIN)/python tests/benchmarks/check.py $(BASE)
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses faulty by-hand
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md
+	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md docs/tasks.md
 
 renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
 	@$(BIN)/python docs/tools/renew_leaderboard.py results/leaderboard $(VENV)/renewed

@@ -14,6 +14,7 @@ PAGES = [
     "docs/results.md",
     "docs/method.md",
     "docs/estimators.md",
+    "docs/tasks.md",
 ]
 ASKED = [
     (page, match["asked"], match[0])

@@ -22,7 +22,7 @@ PUBLISHED = {
     "glyphs36-by-hand-v1": "070803dccef9a71e",
     "glyphs36-v1": "857573752c9640b8",
     "letters-offgrid-v1": "f51d4de240647949",
-    "letters10-faulty-v1": "9343c9ce23c0e123",
+    "letters10-faulty-v1": "eed9faf452ce52b9",
     "letters-v1": "c2771a4320b5ab84",
     "open-set-v1": "8723ed3ba09495d8",
     "slip-v1": "1f942f788ccc36c9",
