@@ -30,7 +30,7 @@ from tactsim.hardware.held_out import held_out
 from tactsim.hardware.press_errors import PressErrors
 from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, ROUNDS, PressFit, known
 from tactsim.hardware.taxel_error import untouched
-from tactsim.hardware.texture_fit import unevenness
+from tactsim.hardware.texture_fit import stray_contacts, unevenness
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
@@ -49,8 +49,9 @@ class SensorFit:
     gain_per_taxel: (taxels,) relative to `gain`, drawn to 1 by as much as readings leave open; all 1 if they do not
     help on presses that they were not fitted to. gains_saved: by which share of the squares left they help there, and
     its standard error. gain_spread: standard deviation of the taxels' true gains, before the response; texture: of what
-    each press's contact adds to them. noise: in the recording's unit, standard deviation of a reading where nothing
-    touches. placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
+    each press's contact adds to them; stray: share of the taxels in contact where no face is. noise:
+    in the recording's unit, standard deviation of a reading where nothing touches.
+    placement: (n, 3) [mm, mm, rad] in the sensor frame, by how much each press seems to be off;
     offset: (3,) its median; placement_mm, placement_rad: its standard deviation. loads: (n,) shares of the mean load;
     load_spread: their standard deviation. Each standard deviation has its 95 % interval. misfit: root mean
     square of what is left unexplained. held_out, held_out_placed: (n, taxels) readings predicted for each group of
@@ -81,6 +82,7 @@ class SensorFit:
     gains_saved: tuple[float, float]
     gain_spread: float
     texture: float
+    stray: float
     noise: float
     placement: FloatArray
     offset: FloatArray
@@ -193,7 +195,8 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     gain = best_gain(fit.recorded, state.relative * predicted)
     apart, placed = held_out(fit, state)
     noise = noise_of(left[rested], predicted[rested])
-    own, texture = _unevenness(fit, state, noise)
+    unseen = _left_out(fit, state)
+    own, texture = unevenness(fit.recorded, unseen, fit.fold, noise)
     gain_spread = 0.0 if state.gains is None else _gain_spread(fit, predicted)
     return SensorFit(
         psf_sigma=state.sigma,
@@ -207,6 +210,7 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         gains_saved=state.gains_saved,
         gain_spread=float(np.hypot(gain_spread, own)) / state.response,
         texture=texture / state.response,
+        stray=stray_contacts(fit.recorded, unseen, noise),
         noise=noise * unit,
         placement=state.errors[:, :3],
         offset=np.median(state.errors[:, :3], axis=0),
@@ -244,14 +248,13 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     )
 
 
-def _unevenness(fit: PressFit, state: State, noise: float) -> tuple[float, float]:
-    """Find what taxels and contacts are apart by, beyond fitted gains, on groups of presses that were held out.
+def _left_out(fit: PressFit, state: State) -> FloatArray:
+    """Predict readings (n, taxels) of groups of presses that were held out, as a scan of the fitted world would.
 
-    Outlines are as drawn, as they are in a scan of the fitted world; each press lies where its reading puts it.
+    Outlines are as drawn; each press lies where its reading puts it.
     """
     as_drawn = replace(fit, outline=np.full(len(fit.recorded), -1))
-    placed = held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
-    return unevenness(fit.recorded, placed, fit.fold, noise)
+    return held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
 
 
 def _gain_spread(fit: PressFit, predicted: FloatArray) -> float:

@@ -1,4 +1,7 @@
-"""Find how uneven taxels and contacts are, from what a fit leaves of presses of patterns that it has not seen."""
+"""Find how uneven taxels and contacts are, and how often one is where none should be, from what a fit leaves.
+
+The fit has not seen the patterns whose presses it predicts.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,12 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.taxel_error import untouched
 
 _STEPS = 60  # of a Gauss-Hermite quadrature
 _MOST_OWN, _MOST_CONTACT = 1.0, 3.0  # the bounds of `sensor.gain_spread` and `sensor.texture`
 _LEAST = 1e-9
+_CLEAR, _FAINT = 5.0, 0.02  # times the noise; of a press's highest reading
 
 
 def unevenness(
@@ -55,6 +60,17 @@ def unevenness(
     )  # fmt: skip
     own, contact = solved.x.tolist()
     return float(own), float(contact)
+
+
+def stray_contacts(recorded: FloatArray, predicted: FloatArray, noise: float) -> float:
+    """Give the share of the taxels that read a contact where none is predicted, in (n, taxels) readings.
+
+    A contact reads more than noise, a standard deviation, and more than 2 % of its press's highest reading.
+    """
+    predicted = np.nan_to_num(predicted)
+    nowhere = untouched(predicted) & (predicted.max(axis=1, keepdims=True) > 0)
+    reads = recorded > np.maximum(_CLEAR * noise, _FAINT * recorded.max(axis=1, keepdims=True))
+    return float(reads[nowhere].mean()) if nowhere.any() else 0.0
 
 
 def moments(own: float, contact: float) -> tuple[float, float]:

@@ -82,7 +82,7 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
         f"curve   exponent of the response {_known(fit.response, fit.response_range)}",
         gains,
         f"uneven  taxels {100 * fit.gain_spread:.1f} % apart in all presses, and by another {100 * fit.texture:.1f} % "
-        "from press to press, by what is left of held-out presses",
+        f"from press to press; {100 * fit.stray:.1f} % read a contact where there is none, by held-out presses",
         f"noise   {fit.noise:.3g} {unit}",
         f"placed  off by {x}, {y} mm and {angle} rad in all presses; from press to press "
         f"{_known(fit.placement_mm, fit.placement_mm_range, 'mm')} and "

@@ -30,6 +30,7 @@ _OF_WORLD: dict[str, tuple[str, ...]] = {
     "noise": ("sensor.noise", "sensor.resolution"),
     "taxel gains": ("sensor.gain_spread",),
     "texture": ("sensor.texture",),
+    "stray contacts": ("sensor.random_taxels",),
     "placement": ("placement_mm", "placement_rad"),
     "load": ("load_spread",),
     "tilt, layer and wrist": (

@@ -115,6 +115,7 @@ def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
             "noise": fit.noise,
             "gain_spread": bend * fit.gain_spread,
             "texture": bend * fit.texture,
+            "random_taxels": fit.stray,
             "resolution": 0.0,
         },
     }

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tactsim.hardware.texture_fit import moments, unevenness
+from tactsim.hardware.texture_fit import moments, stray_contacts, unevenness
 
 PATTERNS, TAXELS = 20, 300
 
@@ -62,3 +62,14 @@ def test_moments_are_those_of_drawn_factors(own, contact):
     mean = (one.mean() + other.mean()) / 2
     drawn = one.var() / mean**2, np.mean(one * other) / mean**2 - 1
     assert moments(own, contact) == pytest.approx(drawn, rel=0.02, abs=0.005)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.2])
+def test_contacts_where_none_should_be_are_counted(share):
+    rng = np.random.default_rng(6)
+    recorded, predicted, _ = readings(rng, 0.3, 0.3, 1.0)
+    stray = (predicted == 0) & (rng.random(predicted.shape) < share)
+    recorded[stray] += 30.0
+    assert stray_contacts(recorded, predicted, 1.0) == pytest.approx(stray[predicted == 0].mean(), abs=2e-3)
+    assert stray_contacts(1000 * recorded, predicted, 1000.0) == stray_contacts(recorded, predicted, 1.0)
+    assert stray_contacts(recorded, np.zeros_like(predicted), 1.0) == 0.0
