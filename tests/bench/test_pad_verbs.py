@@ -312,7 +312,10 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatc
 
 @pytest.mark.long
 def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_path):
-    """Its world is written with `no_seam`, read again and pressed; twenty copies of a press count as one."""
+    """Its world is written with `no_seam`, read again and pressed; twenty copies of a press count as one.
+
+    Its taxels and contacts are uneven, and the pad that is scanned in its world is, too.
+    """
     (tmp_path / "pad.toml").write_text(
         "rows = 4\ncolumns = 5\npitch_x = 3\npitch_y = 2.5\ntaxel_width = 2.8\ntaxel_height = 2.5\n"
         "no_seam = true\nunread_columns = 0\n"
@@ -332,10 +335,13 @@ def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_pa
     other = Scan.load(tmp_path / "other.npz")
     few = np.flatnonzero((other.split == "test") & (np.linalg.norm(other.poses[:, :2], axis=1) < 8))[::9]
     rows = np.repeat(few, 20)
-    noise = np.random.default_rng(1).normal(0, 0.5, (len(rows), 20))
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0, 0.5, (len(rows), 20))
+    gain = np.maximum(1 + 0.3 * rng.standard_normal(20), 0)
+    factor = np.maximum(gain + 0.4 * rng.standard_normal((len(few), 20)), 0)
     split = np.where(np.arange(len(rows)) % 20 < 10, "train", "test")
     meta = {"source": "recorded", "unit": "count"}
-    readings = 40 * other.readings[rows] + noise
+    readings = 40 * np.repeat(factor, 20, axis=0) * other.readings[rows] + noise
     Scan(readings, other.poses[rows], other.labels[rows], split, other.taxel_xy, meta).save(
         tmp_path / "recorded.npz"
     )
@@ -348,9 +354,12 @@ def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_pa
     found = json.loads((tmp_path / "result" / "validation.json").read_text())
     assert found["fit"]["noise"] > 0.4  # of single presses; that of the means is 0.16
     assert found["parameters"]["sensor"]["noise"] == pytest.approx(found["fit"]["noise"], rel=1e-4)
+    # Whose a difference is, two letters on 20 taxels do not tell; how large all are together they do.
+    assert np.hypot(found["fit"]["gain_spread"], found["fit"]["texture"]) == pytest.approx(0.5, abs=0.2)
     right(here("scan", "--world", "result/world.toml", "--out", "fitted.npz"))
     fitted = Scan.load(tmp_path / "fitted.npz")
     assert fitted.meta["options"]["pad"] == other.meta["options"]["pad"]
+    assert fitted.meta["options"]["sensor"]["texture"] == found["parameters"]["sensor"]["texture"] > 0.2
     assert fitted.about["units"]["readings"] == "count"
     assert np.array_equal(fitted.taxel_xy, other.taxel_xy)
 
