@@ -93,6 +93,8 @@ def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
 
     Raises InputError for a shape that no label names, and for a label that is a letter of the catalogue already.
     """
+    if not paths:
+        return scan
     shapes = {of.name: of for of in map(shape, paths)}
     known = scan.meta.get("objects", {})
     for name in shapes:

@@ -40,6 +40,10 @@ OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART}
 NOT_RUN = {
     ("docs/attach.md", "your robot is not here"),
     ("docs/data.md", "it downloads"),
+    (
+        "docs/from-simulation-to-a-pad.md",
+        "the recording is another laboratory's, and fitting takes a minute",
+    ),
     ("docs/other-tools.md", "zarr is no dependency"),
     ("docs/other-tools.md", "rerun is no dependency"),
     (

@@ -80,10 +80,16 @@ def test_an_object_that_lies_on_two_sides_gets_two_views_and_is_named_as_one():
     # Each object is as likely as another before the first reading, however many views it has.
     assert estimate.probabilities == pytest.approx({"key": 0.5, "tee": 0.5})
     for letter in ("key", "tee"):
-        for reading in made.where("test", letter).readings[:4]:
+        sure = 0
+        for reading in made.where("test", letter).readings:
             estimator.reset(np.random.default_rng(0))
             estimator.update(reading, [0, 0, 0])
-            assert estimator.estimate().label == letter
+            estimate = estimator.estimate()
+            # A touch of what both have in common tells nothing; one that tells something is right.
+            if estimate.probabilities[estimate.label] > 0.6:
+                sure += 1
+                assert estimate.label == letter
+        assert sure >= 6  # of 10
     assert set(estimator.without("key", made).maps) == {"tee"}
 
 

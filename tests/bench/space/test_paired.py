@@ -18,9 +18,9 @@ def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
     worse = replace(base, trials=replace(base.trials, pose=compose(off, base.trials.pose)))
     verdicts = {row.name: row.verdict for row in compare(base, worse)}
     assert verdicts["share of touches right"] == "same"
-    assert verdicts["surface mm @3"] == verdicts["angle deg @3"] == "worse"
+    assert verdicts["surface mm @3, both right"] == verdicts["angle deg @3"] == "worse"
     back = {row.name: row.verdict for row in compare(worse, base)}
-    assert back["surface mm @3"] == "better"
+    assert back["surface mm @3, both right"] == "better"
 
 
 def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
