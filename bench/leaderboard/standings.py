@@ -26,8 +26,8 @@ from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, Scored, recognition_seconds, wilson
 from tactsim.bench.tasks import Task, names, task
-from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator
-from tactsim.core import InputError
+from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator, offsets
+from tactsim.core import InputError, Pad
 
 OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
@@ -345,10 +345,12 @@ def _trials(bundle: Bundle) -> frozenset[TrialKey]:
     """Name the trials of a bundle whose objects lie where the seed puts them."""
     found = set()
     for run in bundle.runs:
+        options = run.about["scan"].get("options", {})
+        reach = offsets(Pad.model_validate(options.get("pad", {})).taxel_xy)
         for letter, number, pose in zip(
             run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
         ):
-            drawn = draw_true_pose(generator(run.seed, OneTrial(letter, number), 0))
+            drawn = draw_true_pose(generator(run.seed, OneTrial(letter, number), 0), reach)
             if np.allclose(drawn, pose, rtol=0, atol=0.005):  # a bundle keeps 1/512 mm
                 found.add((run.seed, letter, number, run.readings))
     return frozenset(found) if len(found) == len(bundle.ids) else frozenset()

@@ -8,6 +8,7 @@ from entered import entered
 from renew_leaderboard import main, renew, submission
 
 from tactsim.bench.leaderboard.bundle import read_bundle, read_record, write_bundle
+from tactsim.bench.leaderboard.standings import read_folder
 from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit
 
@@ -56,3 +57,10 @@ def test_a_renewed_bundle_is_of_this_commit_checked_and_of_the_same_method(tmp_p
     assert after.commit == git_commit() != before.commit
     assert (record.verified, record.exact) == (True, True)
     assert {one.name for one in tmp_path.iterdir()} == {path.name, path.stem + ".verified.json"}
+
+
+def test_every_bundle_that_is_kept_has_a_score():
+    """Also of a task whose pad is not the paper's: objects are hidden in a range that grows with the pad."""
+    folder = read_folder(SHIPPED)
+    assert not folder.unreadable
+    assert [one.label for of in folder.standings for one in of.unranked] == []
