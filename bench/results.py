@@ -171,6 +171,11 @@ class Run:
         )
 
     @property
+    def cautions(self) -> list[str]:
+        """List what a reader should know before trusting the figures, a line each."""
+        return [line for line in (self.badly_explained, self.symmetry_unknown) if line is not None]
+
+    @property
     def confusion(self) -> dict[str, dict[str, int]]:
         """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
         return self.summary["confusion"]

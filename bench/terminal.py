@@ -172,7 +172,7 @@ def headline(run: Run) -> list[str]:
         lines[-1] += f"; the paper, on a real pad: {printed.words}"
     if run.config.get("hold_out"):
         lines.append(_refused(run))
-    return lines + [line for line in (run.badly_explained, run.symmetry_unknown) if line is not None]
+    return lines + run.cautions
 
 
 def _own_shapes(run: Run) -> list[str]:

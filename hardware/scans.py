@@ -204,6 +204,9 @@ def _about(session: SessionRecord) -> dict[str, Any]:
     }
 
 
+SURPLUS = "more columns than the title"  # what cells of a row are called that have no title
+
+
 class PlacedPress(BaseModel):
     """One line of a table of presses: what is pressed where, sensor_in_object; the angle may be `theta_deg`."""
 
@@ -282,7 +285,7 @@ def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]
 
 def _words(row: dict[Any, Any]) -> dict[str, str]:
     """Strip the words of a line; one that is missing or too many is left for the check to name."""
-    extra = {"more columns than the title": ""} if None in row else {}
+    extra = {SURPLUS: ""} if None in row else {}
     return {name.strip(): value.strip() for name, value in row.items() if name and value} | extra
 
 

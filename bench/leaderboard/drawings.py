@@ -19,17 +19,20 @@ SCHEMES = {"light": ("#ffffff", "#161b22", "#d9dee5"), "dark": ("#161b23", "#e8e
 _IN_A_COLUMN = 24  # labels beside the picture
 
 
+def ground_style(scheme: str) -> dict[Any, Any]:
+    """Give the settings of matplotlib for a picture on a ground of `scheme`; labels are no formulas."""
+    coloured = ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor")
+    return {"text.parse_math": False, **dict.fromkeys(coloured, SCHEMES[scheme][1])}
+
+
 def time_picture(of: Standings, scheme: str = "light", kind: str = "svg") -> bytes | None:
     """Draw the picture on a ground of `scheme`, as SVG or PNG without a date; None if no method has an error."""
     found = [(one, one.ms_per_reading, one.figure(of.error_by)) for one in of.ranked]
     points = [(one, ms, error, error.value) for one, ms, error in found if error.value and ms > 0]
     if not points:
         return None
-    ground, ink, line = SCHEMES[scheme]
-    style = dict.fromkeys(
-        ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink
-    )
-    with mpl.rc_context({"text.parse_math": False, **style}):  # type: ignore[dict-item]
+    ground, _, line = SCHEMES[scheme]
+    with mpl.rc_context(ground_style(scheme)):
         figure = Figure(
             figsize=(9, max(4.2, 0.21 * len(points) + 0.6)), layout="constrained", facecolor=ground
         )

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from tactsim.bench.leaderboard.drawings import SCHEMES, shortened
+from tactsim.bench.leaderboard.drawings import SCHEMES, ground_style, shortened
 from tactsim.bench.leaderboard.standings import Entrant, Standings
 from tactsim.bench.report.picture import look
 from tactsim.bench.runs.figures import as_bytes, plain_log
@@ -81,11 +81,8 @@ def first_reached(one: Entrant) -> tuple[FloatArray, FloatArray]:
 
 def picture(lines: Sequence[Solved], scheme: str = "light", kind: str = "svg") -> bytes:
     """Draw the shares against readings and against processor time, on a ground of `scheme`."""
-    ground, ink, grid = SCHEMES[scheme]
-    style = dict.fromkeys(
-        ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink
-    )
-    with mpl.rc_context({"svg.hashsalt": "tactsim", "text.parse_math": False, **style}):  # type: ignore[dict-item]
+    ground, _, grid = SCHEMES[scheme]
+    with mpl.rc_context(ground_style(scheme)):
         figure = Figure(
             figsize=(9, max(3.8, 0.21 * len(lines) + 0.6)), layout="constrained", facecolor=ground
         )

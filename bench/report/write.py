@@ -76,7 +76,7 @@ def write_pages(
     replayed, failed = replay_all(groups, scans, progress=progress)
     remarks = [*remarks]
     for label, run in ((entry.label, entry.run) for group in groups for entry in group.entries):
-        remarks += [f"{label}: {line}" for line in (run.badly_explained, run.symmetry_unknown) if line]
+        remarks += [f"{label}: {line}" for line in run.cautions]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]
     written = [out]
     for name, content in tables(groups, replayed).items():
