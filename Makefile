@@ -24,8 +24,10 @@ MINUTES ?= 30
 # Anything, for `make test` to run what `make test-long` does, too.
 LONG ?=
 
-# What `make mutants` is given, such as MUTANTS="--all tactsim/press/clip.py".
-MUTANTS ?=
+# The file whose formulas `make mutants` breaks, and the tests that should notice.
+FILE  ?= tactsim/press/clip.py
+TESTS ?= tests/press/test_clip.py
+COPY  := build/mutants
 
 .PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check tables renew leaderboard references stress referees release-check image clean help
 
@@ -62,8 +64,14 @@ test-slow: $(PACKAGING)  ## the tests that are minutes long
 soak: $(DEVELOP)   ## read two devices under random faults for MINUTES (30)
 	@nice $(BIN)/python -m pytest -q -s -m soak tests/hardware/test_soak.py --soak-minutes $(MINUTES)
 
-mutants: $(MUTATION)  ## break formulas in a copy: do the tests notice? hours
-	@nice $(BIN)/python tests/mutants/mutate.py $(MUTANTS)
+mutants: $(MUTATION)  ## break the formulas of FILE in a copy, one after another: do TESTS notice? minutes to hours
+	@rm -rf $(COPY) && mkdir -p $(COPY)
+	@git ls-files -z | xargs -0 cp -P --parents -t $(COPY)
+	@sed 's|"FILE"|"$(FILE)"|; s|TESTS"|$(TESTS)"|' tests/mutants/cosmic-ray.toml > $(COPY)/mutants.toml
+	@cd $(COPY) && export PATH="$(CURDIR)/$(BIN):$$PATH" PYTHONPATH="$$PWD" NUMBA_CACHE_DIR="$$PWD/kernels" && \
+	cosmic-ray init mutants.toml mutants.sqlite && cr-filter-operators mutants.sqlite mutants.toml && \
+	cosmic-ray baseline mutants.toml && nice cosmic-ray exec mutants.toml mutants.sqlite && \
+	cr-report --surviving-only --show-diff mutants.sqlite && cr-rate --estimate --fail-over 20 mutants.sqlite
 
 bench: $(DEVELOP)  ## time presses, maps, estimators and a run; keep it as results/benchmarks/VERSION.json, and draw the history
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m benchmark --benchmark-only tests/benchmarks \

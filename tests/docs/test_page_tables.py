@@ -99,24 +99,6 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder, monkeypatch, capsys)
     assert page.count("`bench sweep s`: 5 scans, 10 trials for each figure; commit") == 1
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        ("s; right@4", "reading 4 of 3"),
-        ("s; right@0", "reading 0 of 3"),
-        ("s; rigth@1", "did you mean 'right"),
-        ("s; right@1,4", "reading 4 of 3"),
-        ("s by method: nearst; right@1", "did you mean 'nearest"),
-        ("s; right", "unknown figure 'right'"),
-        ("t; right@1", "there is no such folder"),
-    ],
-)
-def test_a_wrong_wish_is_refused_in_one_line(folder, asked, said):
-    with pytest.raises(InputError, match=said) as caught:
-        fill(f"<!-- table: {asked} -->\n<!-- end of table -->\n", folder / "results" / "sweeps")
-    assert "\n" not in str(caught.value)
-
-
 def test_a_sweep_of_other_source_code_is_refused(folder, monkeypatch):
     monkeypatch.setattr("page_tables.source_of_trials", lambda estimator: "f" * 64)
     with pytest.raises(InputError, match="s was made by other source code"):

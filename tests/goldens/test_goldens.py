@@ -97,10 +97,7 @@ def test_a_run_on_an_emulated_recording_says_the_same():
 
 
 def assert_alike(old, new, error, trials):
-    """Check two outcomes of a method on the same trials, whose own random numbers may differ.
-
-    Loosely, since 25 trials say no more; `compare_code.py` says more of 20 scans.
-    """
+    """Check two outcomes of a method on the same trials, whose own random numbers may differ; 25 trials say no more."""
     right = [(side["label"] == side["truth"]).reshape(trials, -1) for side in (old, new)]
     away = right[1].mean(axis=1) - right[0].mean(axis=1)  # of each trial
     assert abs(away.mean()) <= 4 * away.std(ddof=1) / np.sqrt(trials) + 0.03

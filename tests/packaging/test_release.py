@@ -49,20 +49,12 @@ def replace(root, name, old, new):
     (root / name).write_text(text.replace(old, new), encoding="utf-8")
 
 
-def test_what_is_ready_has_no_fault(ready):
-    assert list(faults(ready)) == []
-    git(ready, "tag", "v1.2.0")
-    assert list(faults(ready)) == []
-
-
 @pytest.mark.parametrize(
     ("name", "old", "new", "said"),
     [
-        ("pyproject.toml", "1.2.0", "1.2.0.dev1", "is none of a release"),
         ("pyproject.toml", "1.2.0", "1.3.0", "CITATION.cff: version 1.2.0, and pyproject.toml says 1.3.0"),
         ("recipe/recipe.yaml", "1.2.0", "1.1.0", "recipe/recipe.yaml: version 1.1.0"),
         ("CHANGELOG.md", "## 1.2.0", "- Newer.\n\n## 1.2.0", "what is under Unreleased"),
-        ("CHANGELOG.md", "## 1.2.0 - 2026-01-31", "## 1.1.0 - 2025-01-31", "the newest version is '1.1.0"),
         ("CHANGELOG.md", "2026-01-31", "2026-02-01", "date-released"),
         ("CITATION.cff", "doi: 10.5281/zenodo.1\n", "", "no doi"),
         ("README.md", "commit ", "commit 0", "the tables are of several commits"),
@@ -75,8 +67,9 @@ def test_a_fault_is_named(ready, name, old, new, said):
     assert any(said in fault for fault in found), found
 
 
-def test_what_is_not_committed_and_a_tag_that_is_taken_are_named(ready):
+def test_what_is_ready_has_no_fault_and_what_is_not_committed_or_tagged_already_is_named(ready):
     git(ready, "tag", "v1.2.0")
+    assert list(faults(ready)) == []
     (ready / "docs" / "new.md").write_text("x")
     assert any("docs/new.md and perhaps more is not committed" in fault for fault in faults(ready))
     commit(ready)

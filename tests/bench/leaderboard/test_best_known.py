@@ -44,17 +44,6 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     }
 
 
-def test_a_folder_that_cannot_be_read_whole_leaves_the_file_as_it_was(folder, capsys):
-    best_known.FILE.write_text("")
-    assert main([str(folder)]) == 2
-    assert "holds no bundle" in capsys.readouterr().err
-    write_bundle(entered("good", TASK), folder / "good.zip")
-    (folder / "broken.zip").write_text("no bundle")
-    assert main([str(folder)]) == 2
-    assert "broken.zip" in capsys.readouterr().err
-    assert best_known.best_known() == {}
-
-
 def test_what_is_kept_is_of_tasks_that_exist():
     for name, one in best_known.best_known().items():
         assert one.figure == task(name).scored[0]

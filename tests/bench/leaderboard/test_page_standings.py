@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from entered import entered
 from page_blocks import asked_for
-from page_standings import fill, main
+from page_standings import main
 
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.tasks import names, task
-from tactsim.core import InputError
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = """Before.
@@ -58,22 +57,6 @@ def test_a_page_gets_its_standings_and_keeps_its_words(folder, tmp_path, capsys)
     assert (
         "*`bench submit active-v1`: 5 scans, 250 trials for each figure; in brackets 95 % intervals" in text
     )
-
-
-def test_a_wrong_page_is_refused_in_one_line_and_stays(folder, tmp_path, capsys):
-    page = tmp_path / "page.md"
-    for text, said in (
-        ("<!-- standings: active-v1 -->\n", "no `<!-- end of"),
-        (PAGE.replace("slip", "slop"), "slop-v1"),
-    ):
-        page.write_text(text)
-        assert main([str(folder), str(page)]) == 2
-        error = capsys.readouterr().err
-        assert said in error
-        assert error.count("\n") == 1
-        assert page.read_text() == text
-    with pytest.raises(InputError, match="unknown task"):
-        fill("<!-- standings: nothing-v1 -->\n<!-- end of standings -->", [])
 
 
 def test_the_documentation_has_a_table_for_every_task_that_anybody_can_press():

@@ -4,12 +4,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from entered import entered
-from renew_leaderboard import main, renew, submission
+from renew_leaderboard import renew, submission
 
-from tactsim.bench.leaderboard.bundle import read_bundle, read_record, write_bundle
+from tactsim.bench.leaderboard.bundle import read_bundle, read_record
 from tactsim.bench.leaderboard.standings import read_folder
-from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit
 
 SHIPPED = Path(__file__).parents[3] / "results" / "leaderboard"
@@ -19,29 +17,6 @@ def test_a_bundle_is_submitted_with_the_words_that_made_it():
     bundle = read_bundle(SHIPPED / "open-set-v1--refined-unknown.zip")
     words = "open-set-v1 --estimator refined --set unknown=0.5 --title refined-unknown"
     assert submission(bundle) == words.split()
-
-
-@pytest.mark.parametrize(
-    ("bundle", "said"),
-    [
-        (None, "holds no bundle"),
-        (entered("gone", "active-v1", status="out of memory"), "status out of memory and no runs"),
-    ],
-)
-def test_what_cannot_be_renewed_is_said_and_stays(bundle, said, tmp_path):
-    if bundle is not None:
-        write_bundle(bundle, tmp_path / "a.zip")
-    before = [path.read_bytes() for path in tmp_path.iterdir()]
-    with pytest.raises(InputError, match=said):
-        renew(tmp_path, tmp_path / "workshop", git_commit())
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == before
-
-
-def test_files_that_no_commit_has_are_one_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("renew_leaderboard.git_commit", lambda: "a" * 40 + "-changed")
-    assert main([str(tmp_path), str(tmp_path / "workshop")]) == 2
-    said = "renew: files differ from the last commit, which bundles name; commit them first\n"
-    assert capsys.readouterr().err == said
 
 
 @pytest.mark.long
