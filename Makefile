@@ -98,7 +98,7 @@ leaderboard: $(DEVELOP)  ## make the site of results/leaderboard, the best known
 	@$(BIN)/python docs/tools/page_standings.py results/leaderboard docs/leaderboard.md
 
 references: $(DEVELOP)  ## how far every estimator is from the reference posteriors: fill the table of docs/bound.md
-	@$(BIN)/python docs/tools/page_references.py docs/bound.md
+	@$(BIN)/python docs/tools/reference_posteriors.py --fill docs/bound.md
 
 stress: $(DEVELOP)  ## do every stress case, 6 to 20 minutes: fill the table of docs/stress.md
 	@$(BIN)/python docs/tools/page_stress.py docs/stress.md

@@ -1,7 +1,13 @@
 """50 reference posteriors, and how far an estimator's belief is from them.
 
-`python -m tactsim.bench.bound.references` prints the table of all estimators. With `--make` it works the references
-out anew and writes them; the same versions on the same machine give the same bytes.
+`python docs/tools/reference_posteriors.py` prints the table of all estimators, or of those that are named. With
+`--fill PAGE` it replaces the table of a page, which says between two comments after which readings it wants distances:
+
+    <!-- references: 1, 3, 10 -->
+    <!-- end of references -->
+
+With `--make` it works the references out anew and writes them; the same versions on the same machine give the same
+bytes.
 
 Ten objects, two of each vowel, are pressed ten times each, off the training grid, in the default world. Exact Bayes
 says what can be known of letter and pose after 1, 2, 3, 5 and 10 readings. So a distance is all that an estimator
@@ -15,24 +21,23 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
+from page_blocks import asked_for, exit_status, fill_blocks, fill_page
 
 from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
-from tactsim.bench.console import plain_table
 from tactsim.bench.placement import Properties, placement_error, properties
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.terminal import progress_bars
 from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Scan
 from tactsim.core.files import write_bytes
 from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.seeds import stream
+from tactsim.core.source_digest import git_commit, short_commit
 from tactsim.estimators import Estimate, Estimator, create, registry
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.registry import BUILT_IN
@@ -42,6 +47,7 @@ from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
 from tactsim.press.touches import Touches
 
+SHIPPED = Path(__file__).with_name("reference_posteriors.npz")
 OPTIONS = ScanOptions()
 OBJECTS, READINGS = 2, 10  # of each letter; of each object
 AT = (1, 2, 3, 5, 10)  # readings after which the posterior is kept
@@ -204,16 +210,6 @@ def means(of: FloatArray) -> FloatArray:
     )
 
 
-def shown(mean: FloatArray) -> list[str]:
-    """Write mean distances of any shape for a table, one after the other."""
-    return ["-" if np.isnan(value) else f"{value:.3f}" for value in mean.ravel()]
-
-
-def shipped() -> Path:
-    """Give the place of the references that come with the package."""
-    return Path(str(files("tactsim.bench") / "bound" / "references.npz"))
-
-
 def save(references: References, path: Path) -> None:
     """Write references as a compressed .npz, in single precision; equal references give equal bytes."""
     content = BytesIO()
@@ -225,46 +221,77 @@ def save(references: References, path: Path) -> None:
     write_bytes(path, content.getvalue())
 
 
-def load(path: Path | None = None) -> References:
-    """Read references, by default those that are shipped."""
-    with np.load(path or shipped(), allow_pickle=False) as arrays:
+def load() -> References:
+    """Read the references that are kept beside this file."""
+    with np.load(SHIPPED, allow_pickle=False) as arrays:
         return References(**{field.name: arrays[field.name] for field in fields(References)})
 
 
-def table(found: Mapping[str, FloatArray]) -> Table:
-    """Lay out mean distances, a row for each estimator and three columns for each reading of AT."""
-    heads = [head for reading in AT for head in (f"letter @{reading}", "pose mm", "belief mm")]
-    result = plain_table("estimator", *heads)
+def table(found: Mapping[str, FloatArray], after: Sequence[int] = AT) -> str:
+    """Write mean distances after these readings as a table of Markdown, a row for each estimator."""
+    heads = [
+        "estimator",
+        *(f"letter @{n}" for n in after),
+        *(f"{what} @{n}, mm" for what in ("pose", "belief") for n in after),
+    ]
+    rows = [heads]
     for name, of in found.items():
-        result.add_row(name, *shown(means(of)))
-    return result
+        mean = means(of)[[AT.index(n) for n in after]].T.ravel()
+        rows.append([name, *("-" if np.isnan(value) else f"{value:.3f}" for value in mean)])
+    return markdown_table(rows)
+
+
+def readings_asked_for(text: str) -> list[int]:
+    """Find after which readings a page wants distances.
+
+    Raises InputError if it has not one table with an end, or names a number of readings that there is no reference of.
+    """
+    found = asked_for(text, "references")
+    if len(found) != 1:
+        raise InputError("it lacks `<!-- references: 1, 3 -->`, or has several")
+    words = [word.strip() for word in found[0].split(",")]
+    for word in words:
+        if word not in map(str, AT):
+            raise InputError(
+                f"there is no reference after {word!r} readings, but after {', '.join(map(str, AT))}"
+            )
+    return [int(word) for word in words]
+
+
+def filled(text: str, references: References) -> str:
+    """Replace the table of a page, worked out anew for all estimators."""
+    after = readings_asked_for(text)  # a wrong page is reported before the work
+    made = table(distances_of(recognisers(), references), after)
+    origin = f"*`make references`: {len(references.truth)} objects; commit {short_commit(git_commit())}.*"
+    return fill_blocks(text, "references", lambda _: f"{made}\n{origin}\n")
 
 
 def main(words: Sequence[str]) -> int:
-    """Print how far estimators are from the references, or make the references anew; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tactsim.bench.bound.references", description=__doc__)
+    """Print how far estimators are from the references, fill a page, or make them anew; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("estimators", nargs="*", help="which ones; all that come with the package by default")
+    parser.add_argument("--fill", type=Path, metavar="PAGE", help="replace the table of this page")
     parser.add_argument("--make", action="store_true", help="work the references out and write them")
     asked = parser.parse_args(words)
-    console = Console(width=None if sys.stdout.isatty() else 200)
-    try:
+
+    def work() -> None:
         if asked.make:
-            save(make(), shipped())
+            save(make(), SHIPPED)
         references = load()
-        found = distances_of(asked.estimators or recognisers(), references)
-    except InputError as error:
-        print(f"references: {error}", file=sys.stderr)
-        return 2
-    console.print(table(found))
-    off = references.error.reshape(-1, 2)
-    console.print(
-        f"Means over {len(references.truth)} objects. letter: total variation of the letters' probabilities. pose: mm "
-        "between the estimates where the letters agree. belief: energy distance of the weighted poses, mm. Cells three "
-        f"times as heavy change in the references: letter {np.median(off[:, 0]):.4f} (median), "
-        f"{off[:, 0].max():.3f} (most), "
-        f"pose {np.median(off[:, 1]):.3f} and {off[:, 1].max():.3g} mm, where two places are as probable."
-    )
-    return 0
+        if asked.fill:
+            fill_page(asked.fill, lambda text: filled(text, references))
+            return
+        print(table(distances_of(asked.estimators or recognisers(), references)), end="")
+        off = references.error.reshape(-1, 2)
+        print(
+            f"\nMeans over {len(references.truth)} objects. Cells three times as heavy change in the references: "
+            f"letter {np.median(off[:, 0]):.4f} (median), {off[:, 0].max():.3f} (most), pose "
+            f"{np.median(off[:, 1]):.3f} and {off[:, 1].max():.3g} mm, where two places are as probable."
+        )
+
+    return exit_status("references", work)
 
 
 if __name__ == "__main__":

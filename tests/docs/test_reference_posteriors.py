@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from page_blocks import blocks
-
-from tactsim.bench.bound.references import means, recognisers
+from reference_posteriors import means, recognisers
 
 
 def test_means_are_over_the_objects_that_have_a_distance():
