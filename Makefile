@@ -71,7 +71,7 @@ mutants: $(MUTATION)  ## break the formulas of FILE in a copy, one after another
 	@cd $(COPY) && export PATH="$(CURDIR)/$(BIN):$$PATH" PYTHONPATH="$$PWD" NUMBA_CACHE_DIR="$$PWD/kernels" && \
 	cosmic-ray init mutants.toml mutants.sqlite && cr-filter-operators mutants.sqlite mutants.toml && \
 	cosmic-ray baseline mutants.toml && nice cosmic-ray exec mutants.toml mutants.sqlite && \
-	cr-report --surviving-only --show-diff mutants.sqlite && cr-rate --estimate --fail-over 20 mutants.sqlite
+	cr-report --surviving-only --show-diff mutants.sqlite
 
 bench: $(DEVELOP)  ## time presses, maps, estimators and a run; keep it as results/benchmarks/VERSION.json, and draw the history
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m benchmark --benchmark-only tests/benchmarks \

@@ -155,16 +155,6 @@ def test_an_estimator_of_ones_own_is_tried(scan, tmp_path):
     assert "could be done again" in again.report(tmp_path / "again.html").read_text()
 
 
-@pytest.mark.long
-def test_an_estimator_of_ones_own_is_sent_to_workers(scan):
-    alone = tactsim.run(scan, estimator=tactsim.create("histogram", bins=100), trials=2, readings=3)
-    together = tactsim.run(
-        scan, estimator=tactsim.create("histogram", bins=100), trials=2, readings=3, jobs=2
-    )
-    named = tactsim.run(scan, estimator="histogram", bins=100, trials=2, readings=3)
-    assert alone.summary == together.summary == named.summary
-
-
 def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line():
     class Local(Even):
         pass
@@ -172,32 +162,6 @@ def test_an_estimator_that_workers_cannot_import_is_refused_in_one_line():
     with pytest.raises(InputError, match=r"Local .* or use jobs=1") as caught:
         tactsim.run(letters="AE", estimator=Local(Options()), trials=2, readings=3, jobs=2)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.long
-def test_an_estimator_of_a_notebook_cannot_be_sent_to_workers():
-    """A class of `__main__` where that is no file, as in a notebook."""
-    script = "\n".join(
-        [
-            "import time, tactsim",
-            "from tactsim.estimators.registry import load",
-            "class Mine(load('histogram')):",
-            "    def update(self, *words):",
-            "        time.sleep(0.02)",
-            "        super().update(*words)",
-            "words = dict(letters='AE', readings=3)",
-            "mine = Mine(tactsim.create('histogram', bins=100).options)",
-            "alone = tactsim.run(estimator=mine, trials=2, **words)",
-            "print(alone.estimator)",
-            "# So long that the worker is there before all is done without it.",
-            "try: tactsim.run(estimator=mine, jobs=2, trials=500, **words)",
-            "except tactsim.InputError as error: print(error)",
-        ]
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    name, error = done.stdout.splitlines()
-    assert name == "__main__:Mine"
-    assert "a worker process cannot make the estimator __main__:Mine" in error
 
 
 WRONG = {
@@ -295,19 +259,6 @@ def test_the_face_takes_what_the_command_line_takes():
     assert (options[0].press.force, options[0].pad.seam) == (3.0, None)
     assert scan_options(shapes="key.svg").shapes == scan_options(shapes=["key.svg"]).shapes == ("key.svg",)
     assert scan_options(letters=np.array(["A", "E"])).letters == ("A", "E")
-
-
-def test_wrong_words_of_a_run_that_presses_are_refused_in_one_line():
-    refused_in_one_line("scan is 5; give a Scan, or the path", tactsim.run, scan=5)
-    said = "noise: give the standard deviation in kPa, or 'off', got 'none'"
-    refused_in_one_line(said, tactsim.run, noise="none")
-
-
-def test_what_options_say_together_is_refused_without_repeating_them_all(scan):
-    with pytest.raises(InputError) as caught:
-        tactsim.run(scan, world="ideal")
-    said = "run: world says how letters are pressed, but the readings are given; leave it out"
-    assert str(caught.value) == said
 
 
 def test_a_run_on_given_readings_is_not_done_again_on_others(run):

@@ -322,20 +322,6 @@ def test_a_scan_whose_objects_make_no_sense_is_refused_by_its_name_before_the_wo
     assert "mapping" not in result.stderr
 
 
-def test_scan_files_that_are_not_whole_are_refused(here, tmp_path, scan_file):
-    content = scan_file.read_bytes()
-    (tmp_path / "cut.npz").write_bytes(content[: len(content) // 2])
-    (tmp_path / "text.npz").write_text("hello")
-    with np.load(scan_file) as arrays:
-        spoiled = dict(arrays)
-    spoiled["readings"] = spoiled["readings"].copy()
-    spoiled["readings"][3, 5] = np.nan
-    np.savez(tmp_path / "nan.npz", **spoiled)
-    refused(here("run", "--scan", "cut.npz"), "cut.npz")
-    refused(here("run", "--scan", "text.npz"), "text.npz")
-    refused(here("run", "--scan", "nan.npz"), "nan.npz", "readings[3, 5]")
-
-
 @pytest.mark.long
 def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     process = Bench(tmp_path).start("run", "--trials", "1000", "--letters", "I", "--out", "here")

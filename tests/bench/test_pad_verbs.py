@@ -96,35 +96,6 @@ def _pressed(poses):
     return np.array([press_letter(models.letter("A"), pose).ideal for pose in poses])
 
 
-def test_all_that_a_pad_says_is_recorded(bench, here):
-    with emulated(bench, "--port", "tcp") as name:
-        assert "readings in a.tactrec" in right(
-            here("record", "--port", name, "--out", "a.tactrec", "--seconds", "0.5")
-        )
-    assert "finished" in right(here("replay", "a.tactrec"))
-    refused(here("replay", "a.tactrec", "--scan", "a.npz"), "no recording of a guided session")
-
-
-def test_faults_are_emulated_and_survived(bench, here):
-    faults = [
-        "--drop",
-        "0.001",
-        "--flip",
-        "0.001",
-        "--torn",
-        "0.05",
-        "--garbage",
-        "0.1",
-        "--disconnect",
-        "0.7",
-    ]
-    with emulated(bench, "--port", "pty:pad", *faults) as name:
-        found = json.loads(right(here("probe", "--port", name, "--seconds", "2", "--json")))
-    assert found["counters"]["garbage_bytes"] > 0
-    assert found["counters"]["reconnects"] >= 1
-    assert found["readings"] > 20
-
-
 def test_a_large_array_is_cut_into_touches(here, tmp_path):
     rng = np.random.default_rng(0)
     (tmp_path / "array.toml").write_text(
@@ -471,13 +442,3 @@ def test_a_scan_of_one_split_is_refused_with_the_way_out(here, tmp_path):
     refused(
         here("run", "--scan", "train.npz", "--trials", "1"), "no test readings", "--split", "--train-scan"
     )
-
-
-def test_nothing_is_minus_zero(bench, here):
-    with emulated(bench, "--port", "tcp", "--rate", "100") as name:
-        shown = right(here("probe", "--port", name, "--seconds", "0.3"))
-        said = right(here("probe", "--port", name, "--seconds", "0.3", "--json"))
-        tared = right(here("tare", "--port", name, "--out", "t.toml"))
-    assert "-0 " not in shown
-    assert "-0.0," not in said
-    assert "-0.00 " not in tared

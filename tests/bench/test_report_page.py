@@ -1,10 +1,7 @@
 """The report in a real browser: headless Chromium, opened from disk."""
 
-from itertools import pairwise
-
 import pytest
 from browser import browser, needs_browser
-from small_runs import make_run_in
 
 from tactsim.bench.report.write import write_report
 
@@ -29,14 +26,6 @@ def hostile_path(hostile_run, tmp_path_factory):
     out = tmp_path_factory.mktemp("hostile-page") / "report.html"
     write_report([hostile_run], out)
     return out
-
-
-@pytest.fixture(scope="module")
-def unsampled_path(tmp_path_factory):
-    """A report of an estimator that gives no samples, over three readings."""
-    folder = tmp_path_factory.mktemp("unsampled")
-    write_report([make_run_in(folder / "nearest", estimator="nearest", readings=3)], folder / "report.html")
-    return folder / "report.html"
 
 
 @pytest.fixture
@@ -94,22 +83,6 @@ def test_how_sure_is_drawn_beside_how_often_right(open_page, path):
         "Share right against the probability stated",
     ]
     assert all(sure.locator("figure.chart svg path").nth(i).get_attribute("d") for i in range(4))
-
-
-def test_without_regions_only_the_probability_is_drawn(open_page, unsampled_path):
-    sure = open_page(unsampled_path).get_by_role("region", name="Uncertainty and its calibration")
-    assert sure.locator(".two").evaluate("(two) => [...two.childNodes].map((one) => one.nodeName)") == [
-        "FIGURE"
-    ]
-    assert sure.locator("figcaption").all_inner_texts() == ["Share right against the probability stated"]
-    sure.locator("svg path.mark").first.wait_for()
-    assert sure.locator("table, input").count() == 0
-    assert sure.locator("p.hint").inner_text().startswith("Dashed: as it should be. Marks: all readings")
-
-
-def test_readings_are_counted_in_whole_numbers(open_page, unsampled_path):
-    plot = open_page(unsampled_path).get_by_role("img", name="Accuracy against readings seen")
-    assert plot.locator("text[text-anchor=middle]:not(.name)").all_text_contents() == ["1", "2", "3"]
 
 
 def test_the_slider_moves_by_keyboard_and_everything_follows(open_page, path):
@@ -288,23 +261,6 @@ def test_everything_has_a_name_and_shows_its_focus(open_page, path):
         reached.add(name.upper())
         assert outline != "none", name
     assert {"A", "SELECT", "BUTTON", "INPUT", "SVG"} <= reached
-
-
-def test_headings_go_down_one_by_one(open_page, path):
-    page = open_page(path)
-    levels = page.evaluate(
-        "[...document.querySelectorAll('h1, h2, h3, h4')].map((one) => Number(one.tagName[1]))"
-    )
-    assert levels[0] == 1
-    assert all(after <= before + 1 for before, after in pairwise(levels))
-
-
-def test_less_motion_is_respected(open_page, path):
-    page = open_page(path, motion="reduce")
-    assert (
-        page.evaluate("getComputedStyle(document.querySelector('.bar-track .fill')).transitionDuration")
-        == "0s"
-    )
 
 
 @pytest.mark.long

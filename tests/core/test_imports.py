@@ -5,8 +5,6 @@ import sys
 
 import pytest
 
-from tactsim.press import ScanOptions, scan_letters
-
 HEAVY = ("mujoco", "numba", "trimesh", "pydantic", "scipy", "matplotlib", "serial")
 
 
@@ -15,16 +13,6 @@ def imported(code, *more):
     script = f"{code}\nimport sys; print('', *[name for name in {HEAVY + more} if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split())
-
-
-def test_the_data_types_bring_nothing_heavy():
-    assert not imported("import tactsim; tactsim.Scan; tactsim.compose")
-
-
-def test_a_scan_from_the_cache_brings_no_physics(own_cache):
-    scan_letters(ScanOptions(letters=("I",)))
-    code = 'from tactsim import ScanOptions, scan_letters; scan_letters(ScanOptions(letters=("I",)))'
-    assert "mujoco" not in imported(code)
 
 
 def test_a_name_that_is_not_there_is_said():

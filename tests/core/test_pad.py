@@ -65,11 +65,6 @@ def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_pad_file_gets_one_line(tmp_path):
-    with pytest.raises(InputError, match="cannot read"):
-        Pad.load(tmp_path / "none.toml")
-
-
 def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
     first, second = Pad(), Pad()
     assert first.taxel_xy.shape == second.taxel_xy.shape == (36, 2)

@@ -1,18 +1,14 @@
 """The reference policies: what they choose, what the learned one learns, and how they are compared."""
 
-import subprocess
-import sys
-
 import gymnasium
 import numpy as np
 import pytest
-import typer
 
 import tactsim.env
 from tactsim.core import InputError
 from tactsim.env.learned_policy import LearnedPolicy, features
 from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
-from tactsim.env.policy_table import Played, main, play, table
+from tactsim.env.policy_table import Played, play, table
 from tactsim.env.reward import Reward
 
 TASK = "letters-offgrid-v1"
@@ -121,19 +117,3 @@ def test_a_table_has_a_line_a_policy():
         "| random | refined | 0.00 (0.00-0.00) | 1.00 (1.00-1.00) | 1.00 (1.00-1.00) | 3.0 (3.0-3.0) | "
         "0.94 (0.94-0.94) | 2.0 | 12 |"
     )
-
-
-@pytest.mark.long
-def test_a_wrong_policy_is_one_line():
-    command = [sys.executable, "-m", "tactsim.env.policy_table", "--policy", "clever"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "unknown" in done.stderr.splitlines()[-1]
-    assert "Traceback" not in done.stderr
-
-
-def test_a_wrong_task_is_one_line(capsys):
-    with pytest.raises(typer.Exit) as ended:
-        main(task="letters-v9", policy=["random"])
-    assert ended.value.exit_code == 2
-    assert "unknown" in capsys.readouterr().err.splitlines()[-1]

@@ -36,7 +36,7 @@ from tactsim.hardware.stream import Stream
 from tactsim.press import ScanOptions
 
 GOOD = {}  # kind: the content of a good file, made once
-CASES = 40
+CASES = 25
 MANY = 1000
 
 
@@ -349,6 +349,16 @@ def test_hostile_arrays_in_a_scan_are_refused(kind, small_scan, tmp_path, monkey
                 read_scan("bad.npz")
             assert "\n" not in str(caught.value)
     assert not Path("harmed").exists()
+
+
+def test_a_scan_without_one_of_its_arrays_is_refused_by_its_name(small_scan, tmp_path):
+    small_scan.save(tmp_path / "good.npz")
+    with np.load(tmp_path / "good.npz") as arrays:
+        content = dict(arrays)
+    for name in content:
+        np.savez(tmp_path / "bad.npz", **{other: content[other] for other in content if other != name})
+        with pytest.raises(InputError, match=r"bad\.npz"):
+            read_scan(tmp_path / "bad.npz")
 
 
 @pytest.mark.parametrize("count", how_many(CASES))

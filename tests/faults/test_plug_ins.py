@@ -216,12 +216,6 @@ def test_an_error_that_looks_like_a_closed_terminal_is_the_plug_ins_own(
     assert not Path("out").exists()
 
 
-def test_a_plug_in_that_would_end_the_program_is_a_failure_while_somebody_presses(called_here, scan_file):
-    words = ["live", "--port", "simulated:I", "--train-scan", scan_file, "--readings", "1"]
-    with pytest.raises(RuntimeError, match=r"estimator ending ended the program .SystemExit: None"):
-        called_here(*words, "--estimator", "ending")
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
@@ -230,10 +224,6 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["estimator"] == "talking"
     assert "hello" in result.stderr
-
-
-def test_what_a_plug_in_prints_is_printed_among_words(called_here, scan_file):
-    assert "hello" in called_here(*RUN, "--scan", scan_file, "--estimator", "talking").stdout
 
 
 def test_a_codec_that_is_broken_is_named_in_one_line(plugged):

@@ -3,19 +3,16 @@ import socket
 import threading
 import time
 import tracemalloc
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
 from made_pads import ramp, serving, singletact, small_device
 
-from tactsim.core import InputError
 from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.codecs.singletact import ACCUMULATOR_REGISTER, Question, write_request
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
-from tactsim.hardware.emulator.serve import serve_pty
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.port import Port
 from tactsim.hardware.recording import Kind, Recorder, RecordReader
@@ -178,18 +175,6 @@ def test_a_link_that_is_cut_comes_back(paper_pad, emulated_pad, on, tmp_path):
     device_time = np.array([reading.device_time for reading in readings])
     assert (np.diff(device_time) > 0).all()
     assert source.counters.clock_restarts == 0
-
-
-def test_the_name_that_another_emulated_pad_took_over_stays_its_own(emulated_pad, tmp_path):
-    link, first, second = tmp_path / "pad", ExitStack(), ExitStack()
-    first.enter_context(serving(emulated_pad, link=link))
-    with second:
-        old = link.readlink()
-        second.enter_context(serving(emulated_pad, link=link))
-        new = link.readlink()
-        first.close()
-        assert link.readlink() == new != old
-    assert not link.is_symlink()
 
 
 def test_while_an_emulated_pad_is_unplugged_its_name_is_gone(emulated_pad, tmp_path):
@@ -362,15 +347,6 @@ def test_answers_that_come_too_late_are_called_that(pty):
         in_time(source, 1.5, "answers come more than 0.25 s after their questions")
 
 
-def test_a_sensor_of_16_elements_is_not_read_as_25(pty):
-    with (
-        bridged(pty[0], lambda request: os.write(pty[0], answer_to(request, 1, 16, range(300, 316)))),
-        LiveSource([pty[1]], singletact(taxels=25)) as source,
-        pytest.raises(SourceError, match=f"{pty[1]}: the sensor at address 4 has 16 elements"),
-    ):
-        source.read(5.0)
-
-
 def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
     """With one sample a frame a sensor measures 32 times as fast as it is shipped, more than can be read whole."""
     device = singletact(taxels=25, accumulator=0)
@@ -386,16 +362,6 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
         assert len([source.read(5.0) for _ in range(5)]) == 5
 
 
-@pytest.mark.long
-def test_each_emulated_sensor_has_a_rate_of_its_own():
-    parts = [{"address": 5, "taxels": [0]}, {"address": 9, "taxels": [1]}]
-    pad = EmulatedSingleTact(singletact(taxels=1, parts=parts), lambda wiring, time: np.zeros(1), 100.0)
-    pad.silent = frozenset({9})
-    for address in (5, 9):
-        pad.hear(write_request(Question(address, 1, ACCUMULATOR_REGISTER, 1, b"\x00")), 0.0)
-    assert pad._frames(5, 1.0) > pad._frames(9, 1.0) == pytest.approx(100.0)
-
-
 def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
     """A board that takes longer to start than the deadline allows is lost once and read on."""
     device = small_device(settle=2.0, deadline=1.5)
@@ -408,11 +374,6 @@ def test_a_port_that_comes_back_has_its_time_to_start(tmp_path):
         while not source.counters.reconnects:
             reading = source.read()
     assert reading.after_loss
-
-
-def test_a_name_that_cannot_be_made_is_refused(emulated_pad, tmp_path):
-    with pytest.raises(InputError, match=r"cannot make the link .*missing/pad: No such file or directory"):
-        serve_pty(emulated_pad, Faults(), np.random.default_rng(0), link=tmp_path / "missing" / "pad")
 
 
 def test_the_number_of_ports_must_fit(paper_pad):

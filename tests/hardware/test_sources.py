@@ -9,7 +9,7 @@ from made_pads import csv_device, ramp, serving, small_device
 from tactsim.core import InputError, plug_ins
 from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
-from tactsim.core.source import Source, SourceEnded, SourceError, Wrapper
+from tactsim.core.source import Source, SourceEnded, SourceError
 from tactsim.hardware import sources
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.codecs.codec import Frame
@@ -140,30 +140,6 @@ WRAPPERS = {
     "recorded": lambda source, folder: Recorded(source, Recorder(folder / "wrapped")),
     "checked": lambda source, folder: Checked(source, "it"),
 }
-
-
-@pytest.mark.parametrize("kind", WRAPPERS)
-def test_every_wrapper_asks_the_source_that_it_wraps(opened, kind, tmp_path):
-    """Whatever the source says at the moment is what its wrapper says, but for what the wrapper adds."""
-    place, device = opened
-    with open_source([place], device) as source:
-        wrapped = WRAPPERS[kind](source, tmp_path)
-        for _ in range(3):
-            assert wrapped.read(5.0).pressures.shape == (len(wrapped.taxel_xy),)
-        assert wrapped.counters.as_dict() == source.counters.as_dict()
-        assert wrapped.counters.readings >= 3
-        assert wrapped.summary() == source.summary()
-        assert wrapped.pad == source.pad
-        assert wrapped.calibrated is (kind == "corrected")
-        assert wrapped.has_bytes is (kind == "recorded" or source.has_bytes)
-        while isinstance(source, Wrapper):  # a plug-in's, which is checked when it is opened
-            source = source.inner
-        source.counters = Counters(readings=1000)  # as a driver that was reset may do
-        assert wrapped.counters.readings == 1000
-        wrapped.close()
-        with pytest.raises(SourceError):
-            for _ in range(100):  # what has come already may still be read
-                source.read(0.1)
 
 
 def two_segments(path, *calibrations, counts=(20, 7)):

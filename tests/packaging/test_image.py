@@ -1,6 +1,5 @@
 """The container image: what can be said of it without a builder, and, where one answers, that it runs the main job."""
 
-import fnmatch
 import json
 import shlex
 import shutil
@@ -8,7 +7,7 @@ import subprocess
 import tomllib
 
 import pytest
-from building import ROOMS, ROOT
+from building import ROOT
 
 from tactsim.bench.cli.app import load
 
@@ -26,40 +25,12 @@ def last(instruction):
     return [rest for name, rest in STEPS if name == instruction][-1]
 
 
-def is_sent(path):
-    """Tell whether .dockerignore lets a file of the repository through: the last line that fits decides."""
-    sent = True
-    for line in (ROOT / ".dockerignore").read_text(encoding="utf-8").splitlines():
-        if line and not line.startswith("#"):
-            pattern = line.removeprefix("!")
-            tops = ["/".join(path.split("/")[:n]) for n in range(1, path.count("/") + 2)]
-            if any(
-                fnmatch.fnmatch(top, pattern)
-                or (pattern.startswith("**/") and fnmatch.fnmatch(top.rpartition("/")[2], pattern[3:]))
-                for top in tops
-            ):
-                sent = line.startswith("!")
-    return sent
-
-
-def test_the_builder_gets_what_the_package_is_made_from_and_nothing_else():
-    words = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
-    tracked = subprocess.run(words, cwd=ROOT, text=True, capture_output=True, check=False)
-    if tracked.returncode:
-        pytest.skip("no git repository: a source archive holds nothing else anyway")
-    sent = {path for path in tracked.stdout.splitlines() if is_sent(path)}
-    single = {"pyproject.toml", "setup.py", "README.md", "LICENSE", "requirements.lock"}
-    assert {path for path in sent if "/" not in path} == single
-    assert {path.split("/")[0] for path in sent if "/" in path} == {"tactsim", *ROOMS}
-
-
-def test_what_is_copied_from_the_repository_is_there_and_sent():
+def test_what_is_copied_from_the_repository_is_there():
     for name, rest in STEPS:
         if name in ("COPY", "ADD") and "--from=" not in rest:
             *sources, _ = shlex.split(rest)
             for source in sources:
                 assert (ROOT / source).exists(), source
-                assert source == "." or is_sent(source), source
 
 
 def test_it_does_the_main_job():

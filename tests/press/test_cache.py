@@ -1,5 +1,3 @@
-import multiprocessing
-
 import numpy as np
 import pytest
 from level_world import level_press, level_scan
@@ -74,20 +72,6 @@ def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
     scan, work = scan_letters(OPTIONS)
     assert work["presses"] > 0
     assert len(scan) == 768
-
-
-def _scan(_):
-    return scan_letters(OPTIONS)[0].readings
-
-
-@pytest.mark.long
-def test_two_processes_may_fill_it_at_once(own_cache):
-    with multiprocessing.get_context("spawn").Pool(2) as pool:
-        first, second = pool.map(_scan, range(2), chunksize=1)
-    assert np.array_equal(first, second)
-    assert np.array_equal(first, scan_letters(OPTIONS)[0].readings)
-    names = {path.name for path in own_cache.iterdir() if path.suffix != ".readings"}
-    assert names <= {"sources"}  # nothing half-written
 
 
 def test_readings_of_another_source_are_not_taken(monkeypatch):

@@ -5,12 +5,11 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions, Skips
+from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
 from tactsim.press.space import SpaceOptions
 
 DOCS = Path(tactsim.__file__).parents[1] / "docs"
 PAGE = (DOCS / "sensor.md").read_text(encoding="utf-8")
-REFERENCE = (DOCS / "reference" / "options.md").read_text(encoding="utf-8")
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| `")]
 
 
@@ -20,16 +19,6 @@ def test_every_effect_stands_there_with_its_default_and_what_is_assumed(name):
     (row,) = [row for row in ROWS if f"`{name}`" in row.split("|")[1]]
     assert str(field.default) in row.split("|")[2]
     assert ("assumed" in field.description) == ("assumed" in row)
-
-
-@pytest.mark.parametrize("name", Skips.model_fields)
-def test_every_skip_stands_there(name):
-    assert f"`{name}`" in PAGE
-
-
-@pytest.mark.parametrize("asked", ["scan options", "solid options"])
-def test_the_reference_asks_for_every_option(asked):
-    assert f"<!-- from the source: {asked} -->\n" in REFERENCE
 
 
 @pytest.mark.parametrize("options", [ScanOptions, PressOptions, SensorOptions, SpaceOptions])

@@ -119,52 +119,6 @@ def test_a_sphere(radius, force):
     assert error < 1e-3
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.7])
-@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
-def test_a_cylinder_on_its_side(yaw, force):
-    """Winkler: F = k L R^2 (a - sin a cos a), cos a = 1 - d / R."""
-    radius, length = 6.0, 9.0
-    solid = Manifold.cylinder(length, radius, radius, 1024, True).rotate((90, 0, 0)).rotate((0, 0, 40))
-    axis = np.array([-np.sin(np.radians(40)), np.cos(np.radians(40))])
-
-    def gap(points):
-        along, across = points @ axis, points @ np.array([axis[1], -axis[0]])
-        here = (np.abs(along) < length / 2) & (np.abs(across) < radius)
-        return np.where(here, radius - np.sqrt(np.maximum(radius**2 - across**2, 0)), np.inf)
-
-    poses = POSES + (0, 0, yaw)
-    error, (depth, *_) = worst(models.relief("roll", solid), gap, options(force, thickness=5), poses)
-    half = np.arccos(1 - depth / radius)
-    assert length * radius**2 * (half - np.sin(half) * np.cos(half)) == pytest.approx(force, rel=2e-3)
-    assert error < 2e-3
-
-
-@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
-def test_a_cone(force):
-    """Winkler: F = pi k d^3 / 3 s^2 at a slope s."""
-    solid, slope = Manifold.cylinder(4, 12, 0, 512), 4 / 12
-
-    def gap(points):
-        r = np.hypot(*points.T)
-        return np.where(r < 12, slope * r, np.inf)
-
-    error, (depth, *_) = worst(models.relief("cone", solid), gap, options(force, thickness=3))
-    if force < 30:  # else it reaches beyond the pad
-        assert np.pi * depth**3 / (3 * slope**2) == pytest.approx(force, rel=1e-3)
-    assert error < 1e-3
-
-
-def test_a_dome_with_a_flat_top():
-    """A sphere cut flat 0.1 mm below its top: the flat and some of the flank carry."""
-    solid, reach = dome(10, 0.5)
-    letter = models.relief("dome", solid.trim_by_plane((0, 0, -1), 0.1))
-    assert letter.flat_depth == 0
-    whole = sphere_gap(10, reach)
-    error, (depth, *_) = worst(letter, lambda points: np.maximum(whole(points) - 0.1, 0), options())
-    assert depth > 0.1
-    assert error < 1e-3
-
-
 @pytest.mark.parametrize("step", [0.02, 0.2])
 def test_a_step(step):
     """Both sides carry while F / A is more than k times the step; with 2 N on 8 x 8 mm at 0.02 mm they do."""
@@ -284,16 +238,6 @@ def test_the_engine_is_chosen_by_how_far_a_press_can_sink_in():
     assert pressed.readings(given).max() < 0.99 * alone.max()
 
 
-@pytest.mark.parametrize("name", ["E", "O"])
-@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.003, -0.002)])
-def test_a_flat_letter_is_pressed_as_by_the_other_engines(name, tilt):
-    touches = Touches.of(models.letter(name), grid_poses()[::31], tilt)
-    expected, _ = ideal_readings(touches, options())
-    found, work = ideal_readings(touches, options(engine="relief"))
-    assert work["engine_relief"] == work["presses"]
-    assert np.abs(found - expected).max() < 1e-4 * expected.max()
-
-
 def test_the_mesh_of_a_rounded_letter_is_pressed_as_its_levels_are_by_mujoco():
     rounded = models.letter("E", rounding=0.5)
     poses = grid_poses()[::31]
@@ -353,22 +297,6 @@ def test_a_turned_letter_is_the_letter_turned():
         shift = moved.relief.vertices.min(axis=0) - Relief.of(turned).vertices.min(axis=0)
         there = press(Touches.of(moved, (pose + (*shift[:2], 0))[None]), options()).readings(options())[0]
         assert np.abs(reading - there).max() < 1e-6 * there.max()
-
-
-def test_a_flat_letter_pressed_from_its_side_is_a_row_of_bars():
-    """The I is 25 mm tall, 4 mm wide and 4 mm thick: from its right side it is a bar of 25 x 4 mm."""
-    letter = models.letter("I")
-    right = np.array(
-        [[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]
-    )  # the pad sees y to the right, z up, and x towards it
-    x_low, y_low, z_low, x_high, y_high, z_high = letter.solid.bounding_box()
-    bar = models.relief("bar", Manifold.cube((y_high - y_low, z_high - z_low, x_high - x_low)))
-    poses = np.array([[1.0, 2.0, 0.0], [-2.0, 3.0, 0.5]])
-    side = press(Touches(letter, poses, np.zeros((2, 2)), np.stack([right, right])), options())
-    # The bar's origin is its middle, the letter's z starts at its foot.
-    top = press(Touches.of(bar, poses - (0, 2.0, 0)), options())
-    expected = top.readings(options())
-    assert side.readings(options()) == pytest.approx(expected, abs=1e-6 * expected.max())
 
 
 def test_a_press_from_a_side_by_the_public_face():

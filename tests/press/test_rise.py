@@ -46,17 +46,6 @@ def test_each_image_is_a_press_at_rest_under_the_load_of_its_time(ball):
     with_moments(scan, 3)  # the whole load is held long enough to be known as a plateau
 
 
-@pytest.mark.long
-def test_neither_the_cache_nor_processes_change_a_bit(ball, monkeypatch, tmp_path):
-    monkeypatch.setenv("TACTSIM_CACHE", str(tmp_path))
-    first, _ = scan_letters(options_of(ball), sequence=True)
-    again, work = scan_letters(options_of(ball), sequence=True)
-    monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    apart, _ = scan_letters(options_of(ball), cache=False, jobs=2, sequence=True)
-    assert first.digest == again.digest == apart.digest
-    assert work["presses"] == 0
-
-
 def test_a_press_that_does_not_rest_under_a_lower_load_is_a_blank(ball, monkeypatch):
     monkeypatch.setattr(scanning, "MOST_BLANKS", 1.0)
     whole = scanning._press

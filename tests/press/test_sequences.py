@@ -71,12 +71,6 @@ def test_images_have_the_sensor_s_imperfections_with_random_numbers_of_their_own
     assert np.corrcoef(images[:, 0, 0], images[:, 1, 0])[0, 1] < 0.3
 
 
-@pytest.mark.long
-def test_the_number_of_processes_changes_no_bit(taken, monkeypatch):
-    monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
-    assert scan_letters(FULL, jobs=2, cache=False, sequence=True)[0].digest == taken[0].digest
-
-
 def test_sequences_that_no_file_would_hold_are_refused(monkeypatch):
     monkeypatch.setattr("tactsim.press.sequences.LARGEST", 25_000)
     with pytest.raises(InputError, match=r"press\.frame_rate"):

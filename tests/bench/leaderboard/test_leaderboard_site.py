@@ -180,15 +180,6 @@ def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, 
     assert sorted(out.rglob("*")) == before
 
 
-def test_the_bundles_of_a_site_make_the_same_standings_again(found, site):
-    assert [path.name for path, _ in found.unreadable] == ["cut.zip"]
-    again = read_folder(site / "bundles")
-    assert again.unreadable == ()
-    assert [(one.label, one.rank, one.check) for one in again.entrants] == [
-        (one.label, one.rank, one.check) for one in found.entrants
-    ]
-
-
 def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, here, tmp_path, shared_cache):
     bench = Bench(tmp_path, shared_cache)
     (tmp_path / "mine").mkdir()

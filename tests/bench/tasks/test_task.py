@@ -7,7 +7,7 @@ import pytest
 
 import tactsim
 from tactsim.bench import sweep
-from tactsim.bench.config import RunConfig, run_config
+from tactsim.bench.config import run_config
 from tactsim.bench.tasks import names, task
 from tactsim.core import InputError
 from tactsim.estimators import create
@@ -232,11 +232,6 @@ def test_an_unknown_task_is_refused_with_those_there_are(name):
         run_config(task=name)
 
 
-def test_a_near_name_is_proposed():
-    with pytest.raises(InputError, match="did you mean 'letters-v1'"):
-        task("letters-v2")
-
-
 def test_an_unknown_estimator_or_option_of_a_task_is_refused():
     with pytest.raises(InputError, match="estimator 'refind'"):
         task("slip-v1").configs("refind")
@@ -328,8 +323,3 @@ def test_python_runs_a_task_by_name_and_with_an_estimator_of_ones_own(own):
         assert (run.config["explore"], run.task) == ("blind", None)
     with pytest.raises(InputError, match=r"given: task .* has readings of its own"):
         tactsim.run(tactsim.scan("IO"), task=own(), estimator="nearest")
-
-
-def test_a_run_that_is_no_tasks_says_so():
-    assert run_config(letters="AE").task is None
-    assert RunConfig().task is None

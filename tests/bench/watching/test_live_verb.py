@@ -102,16 +102,6 @@ def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(here, tmp_
     )
 
 
-@pytest.mark.long
-def test_an_estimator_that_proposes_nothing_is_led_at_random(bench, scan_file):
-    words = ["--port", "simulated:O", "--train-scan", scan_file, "--estimator", "nearest", "--readings", "2"]
-    result = bench("live", *words)
-    assert result.returncode == 0, result.stderr
-    *lines, latency = result.stdout.splitlines()
-    assert [line.split(":")[0] for line in lines] == ["touch 1", "touch 2"]
-    assert latency.startswith("2 touches, each known ")
-
-
 def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_tried(one_pose, capsys):
     """A machine may press the pad, so it must be told where, and that there is nowhere any more."""
     leading, told, reader = one_pose
@@ -120,14 +110,6 @@ def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_
         live(reader, told, console, readings=None, as_json=False, page=None)
     assert console.file.getvalue().startswith("touch 1: ")
     assert capsys.readouterr().err.splitlines() == [told.where(LiveView(asked=np.array(POSE)))]
-
-
-def test_the_slowest_of_a_hundred_stands_beside_the_mean(one_pose):
-    _, told, _ = one_pose
-    told.leading.recogniser.delays[:] = np.linspace(0, 1, 101)
-    assert told.latency() == (
-        "101 touches, each known 500.0 ms after it on average, the slowest of a hundred 990.0 ms"
-    )
 
 
 def test_a_recorded_session_is_recognised_in_lines(here, recording, scan_file):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, History, PadReader, round_up
+from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, History, PadReader
 from tactsim.core.errors import InputError
 from tactsim.core.source import SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration
@@ -167,10 +167,3 @@ def test_history_forgets_what_is_too_old():
     values = history.until(1e6)
     assert len(values) == round(HISTORY_S / BIN_S)
     assert set(values) == {None}
-
-
-@pytest.mark.parametrize(
-    ("value", "up"), [(1.0, 1), (1.1, 2), (2, 2), (3, 5), (7, 10), (10, 10), (11, 20), (0.3, 0.5)]
-)
-def test_scales_are_round(value, up):
-    assert round_up(value) == pytest.approx(up)

@@ -89,13 +89,6 @@ def test_the_page_is_served_until_the_command_ends(bench):
     assert "readings/s" in output
 
 
-@pytest.mark.long
-def test_a_pad_that_says_nothing_right_is_an_error_at_the_end(bench):
-    with emulated(bench, "--port", "pty:pad") as name:
-        words = ["watch", "--port", name, "--device", "singletact-5x5", "--seconds", "5"]
-        refused(bench(*words), "no whole frame")
-
-
 @pytest.mark.parametrize(
     ("words", "parts"),
     [

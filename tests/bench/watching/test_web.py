@@ -11,7 +11,6 @@ import pytest
 
 from tactsim.bench.watching.pad_view import PadReader
 from tactsim.bench.watching.web import HOST, WebPage
-from tactsim.core.errors import InputError
 
 RAMP = np.arange(36.0)
 
@@ -103,9 +102,3 @@ def test_only_this_page_is_obeyed(served, source, eventually):
     assert ask(port, "POST", "/do/tare", **{"X-Tactsim": "1"})[0] == 200
     assert reader.view().message.startswith("taking a tare")
     assert ask(port, "POST", "/do/harm", **{"X-Tactsim": "1"})[0] == 404
-
-
-def test_a_port_that_is_taken_is_refused(served):
-    reader, port = served
-    with pytest.raises(InputError, match=f"{HOST}:{port}.*--web-port"):
-        WebPage(reader, port, from_behind=True)

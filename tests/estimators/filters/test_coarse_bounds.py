@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import bins_of, middles
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.grid import StateGrid
@@ -84,22 +83,6 @@ def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
             assert np.array_equal(lazy[0].listed[0], lazy[1].listed[0])
     assert counted[lazy[1]].tolist() == [grid.bins * 3 * 21, 0]
     assert counted[lazy[0]].sum() == grid.bins * 3 * 21
-
-
-def test_bins_are_those_of_the_histogram(model):
-    """Both find a bin's log-belief in their own ways; they differ by what float32 rounds."""
-    made, scan = model
-    if made.loads > 1:
-        return  # the histogram is the paper's, which knows one load
-    grid = StateGrid(12, 12, 10)
-    field = field_of(model, grid)
-    histogram, lazy = BinnedBelief(field, grid), CoarseBins(field, grid, skip=True)
-    for number in range(9):
-        field.append(made.evidence(scan.readings[number]), scan.poses[number].copy())
-        histogram.update(30.0, 100)
-        lazy.update(30.0, 100)
-        flat, log_p = lazy.listed
-        np.testing.assert_allclose(log_p, histogram.log_belief().ravel()[flat], rtol=1e-5, atol=1e-4)
 
 
 @settings(deadline=None, max_examples=30)
@@ -242,13 +225,3 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
         field.append(one, np.array([*(turn @ away), 0.0]))
         lazy.update(0.0, 0)
         assert (of_all_bins(field, grid) <= lazy.upper_bounds()).all()
-
-
-def test_a_place_that_is_no_number_ends_the_search(model):
-    made, scan = model
-    grid = StateGrid(3, 3, 2)
-    field = field_of(model, grid)
-    lazy = CoarseBins(field, grid, skip=True)
-    field.append(made.evidence(scan.readings[0]), np.array([1e39, 0.0, 0.0]))
-    lazy.update(1.0, 1)
-    assert len(lazy.listed[0]) <= grid.bins * 3

@@ -125,11 +125,6 @@ def test_skipping_changes_no_answer(vowels, options, skipped):
     assert assert_skipping_changes_no_answer(vowels, trials=5, readings=25, **options) >= skipped
 
 
-@pytest.mark.slow
-def test_skipping_changes_no_answer_in_500_trials(vowels):
-    assert assert_skipping_changes_no_answer(vowels, trials=500, readings=30, bins=10_000) > 0.5
-
-
 def test_skipping_survives_readings_that_contradict_the_leader(vowels):
     # The leader of the first readings falls when another letter's readings follow: what was left alone
     # must be caught up.

@@ -117,39 +117,6 @@ def test_models_are_weighed_by_how_well_they_foretold_each_reading(two):
     assert moving._rest - before == pytest.approx(np.log(1 - moving._motion.begins) + foretold, rel=1e-6)
 
 
-def test_what_begins_to_move_has_the_odds_with_which_that_begins(two):
-    """The odds of moving to rest, letter by letter, grow by what begins to move of what lies still."""
-    readings, poses, _ = sequence(two, "E", 3)
-    estimator = fitted("refined", two, bins=1000, motion="auto")
-    estimates(estimator, readings, poses)
-    moving = estimator.moving
-    belief = estimator.own_states()
-    mass = np.bincount(belief.letter, belief.weights.normalised, minlength=len(two.letters))
-    odds = []
-    for again in (False, True):
-        if again:
-            moving._set_off(belief)
-        at_rest, followed = moving._models()
-        odds.append(followed / at_rest.sum())
-    assert odds[1] - odds[0] == pytest.approx(moving._motion.begins * mass, rel=1e-6)
-
-
-@pytest.mark.parametrize(("nats", "rests"), [(0.0, True), (4.5, True), (8.0, False)])
-def test_rest_is_given_up_for_a_belief_that_is_two_hundred_times_likelier(two, nats, rests):
-    """Belief at rest yields to evidence of log 199 = 5.3 nats and more."""
-    readings, poses, _ = sequence(two, "E", 3)
-    estimator = fitted("refined", two, bins=1000, motion="auto")
-    estimates(estimator, readings, poses)
-    moving = estimator.moving
-    moving._rest = (
-        np.logaddexp.reduce([-np.inf if c is None else c.log_evidence for c in moving._clouds]) - nats
-    )
-    at_rest, followed = moving._models().sum(axis=1)
-    assert (at_rest > followed) == rests
-    held = estimator.own_estimate().robot_in_object
-    assert (estimator.estimate().robot_in_object.tobytes() == held.tobytes()) == rests
-
-
 def test_a_broad_belief_is_followed_to_a_place_between_its_centres():
     """After a vague reading a sharp one: the evidence of both, and the place, of a Kalman filter."""
     motion = Motion(0.06, np.array([0.1**2]), np.ones(1), 0.0, 0.0, 1.0, None)
