@@ -13,7 +13,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.moments import shares_of
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.core.scan import Scan
+from tactsim.core.scan import Scan, check_pose_units
 from tactsim.hardware.following import Follower
 
 Moments = int | Literal["auto", "found"]
@@ -123,8 +123,10 @@ class Gathered:
                 )
             meta = {**meta, "test_load": self.at_load}
         apart = (share[chosen] < 1).any()
+        poses = np.array(self.poses)[chosen]
+        check_pose_units(poses, self.taxel_xy)
         return Scan(
-            np.array(self.readings)[chosen][:, kept], np.array(self.poses)[chosen], np.array(self.labels)[chosen],
+            np.array(self.readings)[chosen][:, kept], poses, np.array(self.labels)[chosen],
             np.array(self.split)[chosen], self.taxel_xy[kept], meta,
             presses=np.array(self.press)[chosen] if apart else None, moments=share[chosen] if apart else None,
         )  # fmt: skip

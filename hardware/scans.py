@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -13,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_text
@@ -21,7 +22,7 @@ from tactsim.core.errors import InputError, short
 from tactsim.core.files import opened
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.core.scan import Scan
+from tactsim.core.scan import MOST_TURNED, Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
@@ -30,6 +31,8 @@ from tactsim.hardware.gathered import Gathered, Moments
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
+
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass
@@ -204,9 +207,6 @@ def _about(session: SessionRecord) -> dict[str, Any]:
     }
 
 
-SURPLUS = "more columns than the title"  # what cells of a row are called that have no title
-
-
 class PlacedPress(BaseModel):
     """One line of a table of presses: what is pressed where, sensor_in_object; the angle may be `theta_deg`."""
 
@@ -218,9 +218,17 @@ class PlacedPress(BaseModel):
     y_mm: float
     theta_rad: float = Field(description="or theta_deg")
 
+    @field_validator("theta_rad")
+    @classmethod
+    def _is_in_rad(cls, angle: float) -> float:
+        if abs(angle) > MOST_TURNED:
+            raise ValueError(f"{angle:g} rad are more than two turns; call a column of degrees theta_deg")
+        return angle
+
     @model_validator(mode="before")
     @classmethod
     def _in_rad(cls, words: dict[str, Any]) -> dict[str, Any]:
+        words = {name: word for name, word in words.items() if word != ""}
         if "theta_deg" not in words:
             return words
         if "theta_rad" in words:
@@ -270,31 +278,32 @@ def read_intervals(path: str | Path) -> list[Interval]:
 def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
     """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError.
 
-    A spreadsheet may have saved it with a byte order mark, semicolons and decimal commas.
+    A spreadsheet may have saved it with a byte order mark, semicolons or tabs, and decimal commas.
     """
     lines = text.removeprefix("\ufeff").splitlines()
-    semicolons = ";" in "".join(lines[:1])
+    separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
+    rows: list[tuple[str, dict[str, str]]] = []
     try:
-        rows = csv.DictReader(lines, delimiter=";" if semicolons else ",")
-        for row in rows:
-            words = _words(row)
-            yield f"{path}, line {rows.line_num}", _with_points(words) if semicolons else words
+        reader = csv.DictReader(lines, delimiter=separator)
+        titles = [title.strip() for title in reader.fieldnames or ()]
+        for title in filter(None, titles):
+            if titles.count(title) > 1:
+                raise InputError(f"{path}: two columns are called {title!r}")
+        for row in reader:
+            where = f"{path}, line {reader.line_num}"
+            if any(word.strip() for word in row.pop(None, ())):
+                raise InputError(f"{where}: it has more columns than the title")
+            words = {name.strip(): word.strip() for name, word in row.items() if word is not None}
+            rows.append((where, {name: word for name, word in words.items() if name}))
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
-
-
-def _words(row: dict[Any, Any]) -> dict[str, str]:
-    """Strip the words of a line; one that is missing or too many is left for the check to name."""
-    extra = {SURPLUS: ""} if None in row else {}
-    return {name.strip(): value.strip() for name, value in row.items() if name and value} | extra
-
-
-def _with_points(words: dict[str, str]) -> dict[str, str]:
-    """Write decimal commas as points, unless the line has points, too: which of the two is decimal cannot be told."""
-    numbers = {name: word for name, word in words.items() if name not in ("label", "split")}
-    if any("." in word for word in numbers.values()):
-        return words
-    return words | {name: word.replace(",", ".") for name, word in numbers.items()}
+    numbers = [(words, name) for _, words in rows for name in words if name not in ("label", "split")]
+    if separator != "," and any(_DECIMAL_COMMA.fullmatch(words[name]) for words, name in numbers):
+        for words, name in numbers:
+            # A point beside them may be one of thousands: such a word is no number.
+            points = f"{words[name]} among decimal commas"
+            words[name] = points if "." in words[name] else words[name].replace(",", ".")
+    yield from rows
 
 
 def scan_of_intervals(

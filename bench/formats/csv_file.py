@@ -15,7 +15,7 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE, read_text
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.hardware.scans import SURPLUS, PlacedPress, csv_rows
+from tactsim.hardware.scans import PlacedPress, csv_rows
 
 _TAXEL = re.compile(r"t\d+")
 
@@ -29,7 +29,7 @@ class PressRow(PlacedPress):
     press: int | None = None
 
 
-_NO_TAXELS = {*PressRow.model_fields, "theta_deg", SURPLUS}
+_NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
 
 
 def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:

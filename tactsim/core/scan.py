@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -36,6 +37,7 @@ _UNSAID: dict[str, Callable[[int], NDArray[Any]]] = {
 }
 _OF_PRESSES = tuple(_UNSAID)
 _LONGEST_NAME = 100  # characters of a label
+MOST_TURNED = 4 * np.pi  # rad: two turns each way are more than a wrist makes
 
 
 class Batch(NamedTuple):
@@ -204,7 +206,7 @@ class Scan:
         known. presses: (n,) whole numbers, the same for readings of one press. moments: (n,) the share of its press's
         load at which each reading was taken.
 
-        Raises InputError when shapes disagree, and for what `Scan` refuses.
+        Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
         """
         from tactsim.core.pad import Pad  # brings pydantic, which a scan does without
 
@@ -213,7 +215,7 @@ class Scan:
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
-        return cls(
+        scan = cls(
             values,
             poses,
             names_of(labels, "labels"),
@@ -224,6 +226,8 @@ class Scan:
             presses=presses,
             moments=moments,
         )
+        check_pose_units(scan.poses, scan.taxel_xy)
+        return scan
 
     @property
     def letters(self) -> tuple[str, ...]:
@@ -568,6 +572,31 @@ def _joined_entries(first: Scan, second: Scan) -> dict[str, Any]:
         before, after = halves["presses"]
         halves["presses"] = [before, after + before.max(initial=-1) + 1]
     return {name: np.concatenate(arrays) for name, arrays in halves.items()}
+
+
+def check_pose_units(poses: FloatArray, taxel_xy: FloatArray) -> None:
+    """Refuse poses (n, 3) from elsewhere whose angles are degrees, and log it if their places look like metres.
+
+    taxel_xy: (taxels, 2) mm. Presses that lie apart by less than a quarter of a taxel, but not all in one place, are
+    seldom meant, and those of metres always do.
+    """
+    from tactsim.core.pad import pitch  # brings pydantic, which a scan does without
+
+    turned = float(np.abs(poses[:, 2]).max(initial=0.0))
+    if turned > MOST_TURNED:
+        raise InputError(
+            f"poses turn by {short(turned)} rad; are these degrees? give x, y, theta in mm, mm, rad"
+        )
+    places = poses[:, :2]
+    if len(places) and 0 < np.abs(places).max() <= 1:
+        extent, apart = float(np.ptp(places, axis=0).max()), pitch(taxel_xy)
+        if 0 < extent < apart / 4:
+            logging.getLogger(__name__).warning(
+                "all poses lie within %.3g mm, and taxels are %.3g mm apart; if poses are in metres, give x, y, theta "
+                "in mm, mm, rad",
+                extent,
+                apart,
+            )
 
 
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:

@@ -88,3 +88,14 @@ def test_a_split_of_anything_else_is_refused(values):
 def test_arrays_that_do_not_fit_together_are_one_line(change, says):
     with pytest.raises(InputError, match=says):
         Scan.from_arrays(**(GOOD | change))
+
+
+def test_angles_in_degrees_are_refused_and_places_in_metres_are_said(caplog):
+    poses = np.array([[0.01, 0.02, 0.5], [0.03, -0.01, 1.0], [0.0, 0.015, -3.0]])
+    readings, labels = np.ones((3, PAD.taxels)), ["A", "B", "A"]
+    with pytest.raises(InputError, match=r"poses turn by 180.*are these degrees"):
+        Scan.from_arrays(readings, [[1, 2, 0], [3, 4, 90], [5, 6, 180]], labels, pad=PAD)
+    for places, said in ((1, True), (1000, False), (0, False)):
+        caplog.clear()
+        Scan.from_arrays(readings, poses * [places, places, 1], labels, pad=PAD)
+        assert ("in metres" in caplog.text) is said

@@ -26,7 +26,7 @@ L, WHITE = f"<path {D}/>", f'<path fill="white" {D}/>'
 RECT = 'width="28" height="28"'
 MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
 PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
-UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "height:10px", "90deg", "turn)")
+UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "height:10px", "90deg", "turn)", "200%")
 FILLS_ONLY = "*{stroke:none !important}"
 
 
@@ -125,6 +125,7 @@ SEEN = [
     ('<rect x="5" y="10" width="20" height="10" style="transform:rotate(90deg);transform-origin:50% 50%"/>', 200),
     ('<rect x="5" y="10" width="20" height="10" transform="rotate(90)" transform-origin="center"/>', 200),
     ('<rect x="-5" y="5" width="20" height="10" transform="skewX( 45 )"/>', None),
+    ('<rect width="10" height="5" style="transform:scale(200%, 50%)"/>', 50),
     # clones, symbols, inner pages, clips
     ('<defs><rect id="a" width="9" height="9"/></defs><use href="#a"/><use xlink:href="#a" x="12" y="1"/>', 162),
     ('<g fill="none"><use href="#a"/></g><defs><rect id="a" width="9" height="9"/></defs><use href="#a" x="15"/>', 81),

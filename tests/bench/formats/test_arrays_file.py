@@ -62,7 +62,7 @@ def test_matlab_s_ways_of_saving_are_read(compress, tmp_path):
     [
         ({"labels": np.array(["A", "B", "A", "B"], dtype=object)}, "labels.astype(str)"),
         ({"labels": np.array(["A", "none", "A", "none"])}, "a letter is called 'none'"),
-        ({"poses": POSES * 30}, "'poses' turns by 330 rad; are these degrees?"),
+        ({"poses": POSES * 30}, "poses turn by 330.0 rad; are these degrees?"),
         ({"readings": READINGS[:0], "poses": POSES[:0], "labels": [""][:0], "split": [""][:0]}, "no presses"),
     ],
 )  # fmt: skip

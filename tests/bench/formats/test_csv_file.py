@@ -40,6 +40,22 @@ def test_what_a_spreadsheet_saved_again_is_the_same(read):
     assert read("\ufeff" + TITLE.replace(",", ";"), *saved).digest == WANTED.digest
 
 
+def test_tabs_and_a_separator_behind_the_last_cell_are_read(read):
+    assert read(*(line.replace(",", "\t") for line in (TITLE, *ROWS))).digest == WANTED.digest
+    assert read(TITLE, *(f"{row},," for row in ROWS)).digest == WANTED.digest
+
+
+@pytest.mark.parametrize(("word", "line"), [("1.234", 3), ("1.234,5", 3)])
+def test_a_point_among_decimal_commas_is_refused_with_its_cell(read, word, line):
+    rows = [
+        row.replace(",", ";").replace(".", ",")
+        for row in ("A,train,1.5,0,0,,1,1,2,3,4,5,6", "A,train,1,0,0,,2,1,2,3,4,5,6")
+    ]
+    rows[1] = rows[1].replace(";3;", f";{word};")
+    with pytest.raises(InputError, match=f"line {line}: t2: .*'{word} among decimal commas'"):
+        read(TITLE.replace(",", ";"), *rows)
+
+
 def test_columns_stand_in_any_order_and_others_are_left_alone(read):
     cells = [line.split(",") for line in (TITLE, *ROWS)]
     turned = [",".join(reversed(line)) for line in cells]
@@ -71,6 +87,11 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a finite number, got ''"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,nan"], "line 5: t5: give a finite number, got 'nan'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,4,3"], "line 5: .*more columns than the title"),
+        ([TITLE.replace("t1", "t0"), *ROWS], "two columns are called 't0'"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,,8,7,6,5,4"], "line 5: t0: give a finite number, got ''"),
+        ([TITLE, *ROWS, "B,test,0,0,-180,,2,9,8,7,6,5,4"], "line 5: theta_rad: -180 rad are .* theta_deg"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7 kPa,6,5,4"], "line 5: t2: give a finite number, got '7 kPa'"),
+        ([TITLE, *ROWS, 'B,test,0,0,-3,,2,9,"1,234",7,6,5,4'], "line 5: t1: give a finite number, got '1,234'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,,9,8,7,6,5,4"], "line 5: either all rows have a number in the column press"),
         ([TITLE, *ROWS, "B,test,0,0,-3,-1,2,9,8,7,6,5,4"], "line 5: load_N: give a number of at least 0"),
         ([TITLE + ",t6", ROWS[0] + ",1"], "line 2: 7 columns of taxels, t0, t1, t2 ..., and the pad has 6"),
