@@ -93,15 +93,6 @@ def test_lists_stand_for_every_combination():
         ("[[run]]\nset = 3", "run: set"),
         ("[[run]]\nletters = 3", "letters"),
         ("[[run]]\nnoise = nan", "noise"),
-        ("[[run]]\n[[run]]\ntrials = [1, 0]", r"s\.toml, \[\[run\]\] 2: run: trials: .*at least 1, got 0"),
-        ("[[run]]\n[[run]]\nbins = []", r"s\.toml, \[\[run\]\] 2: the list bins is empty"),
-        ("[[run]]\n[[run]]\nestimator = 'nearst'", r"\[\[run\]\] 2: .*did you mean 'nearest'"),
-        ("[[run]]\nset.gama = 1", r"\[\[run\]\] 1: .*did you mean 'gamma'"),
-        ("[[run]]\nestimator = 'space-refined'", r"\[\[run\]\] 1: .*add --task solids"),
-        ("[[run]]\nestimator = 'nearest'\nexplore = 'information'", r"\[\[run\]\] 1: .*explore at random"),
-        ("[[run]]\n[[run]]\nhold_out = 'Q'", r"\[\[run\]\] 2: unknown letter to hold out 'Q'"),
-        ("[[run]]\n[[run]]\nreadings = 500", r"\[\[run\]\] 2: 500 readings .* 'A' has 192 .*at most 192"),
-        ("[[run]]\ntask = 'letters'", r"\[\[run\]\] 1: unknown task 'letters'"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):

@@ -89,7 +89,7 @@ def test_scans_of_before_the_source_was_stated_are_told_by_their_options():
     assert statements({"options": {"seed": 1}})["source"] == "simulated"
 
 
-@pytest.mark.parametrize("value", ["lost", 3, [1], [{}], {"a": [1]}, None])
+@pytest.mark.parametrize("value", ["lost", [{}], {"a": [1]}])
 @pytest.mark.parametrize("name", ["versions", "options", "train", "recordings", "source", "pad"])
 def test_what_a_stranger_wrote_there_is_left_out_and_breaks_no_card(name, value, tmp_path):
     scan = scan_with({name: value})

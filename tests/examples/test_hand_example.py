@@ -55,6 +55,7 @@ def test_an_object_is_lifted_and_at_no_moment_is_a_sum_wrong(example, name, seco
     assert loaded > 100
 
 
+@pytest.mark.long
 def test_the_script_writes_a_picture_and_a_small_film(tmp_path):
     done = subprocess.run(
         [sys.executable, SCRIPT, tmp_path / "shown", "ball", "--seconds", "1"],

@@ -62,6 +62,7 @@ def test_a_scan_that_does_not_fit_leaves_nothing(bench, scan_file, shared_cache)
     assert lines[-1] == "out.npz"
 
 
+@pytest.mark.long
 def test_a_recording_on_a_full_disk_leaves_its_name_free(bench):
     result = on_small_disk(
         bench,

@@ -226,10 +226,10 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
     assert "hello" in result.stderr
 
 
-def test_a_codec_that_is_broken_is_named_in_one_line(plugged):
+def test_a_codec_that_is_broken_is_named_in_one_line(called_here):
     content = 'name = "x"\n[codec]\nkind = "bad0"\n[pad]\nrows = 1\ncolumns = 1\nno_seam = true\n'
-    (plugged.folder / "x.toml").write_text(content)
-    result = plugged("probe", "--port", "loop://", "--device", "x.toml")
+    Path("x.toml").write_text(content)
+    result = called_here("probe", "--port", "loop://", "--device", "x.toml")
     refused(result, "device file x.toml: codec: plug-in 'bad0'", "RuntimeError: first line")
 
 
@@ -244,5 +244,5 @@ def test_a_codec_that_is_broken_is_named_in_one_line(plugged):
         ("bad1", "SystemExit"),
     ],
 )
-def test_a_source_that_is_none_is_named_in_one_line(plugged, name, said):
-    refused(plugged("probe", "--port", f"{name}:x", "--seconds", "0.1"), f"plug-in '{name}'", said)
+def test_a_source_that_is_none_is_named_in_one_line(called_here, name, said):
+    refused(called_here("probe", "--port", f"{name}:x", "--seconds", "0.1"), f"plug-in '{name}'", said)

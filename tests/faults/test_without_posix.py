@@ -86,13 +86,14 @@ def test_the_modules_are_hidden(elsewhere):
     assert "--port tcp" in result.stderr
 
 
-@pytest.mark.parametrize("words", [("--help",), ("--version",), ("list",), ("devices",)])
+@pytest.mark.parametrize("words", [("list",), ("devices",)])
 def test_what_only_says_something(elsewhere, words):
     result = elsewhere(*words)
     assert result.returncode == 0, result.stderr
     assert result.stdout
 
 
+@pytest.mark.long
 def test_a_run_and_its_report(elsewhere, scan):
     result = elsewhere("run", "--scan", scan, *SMALL, "--out", "run", "--json")
     assert result.returncode == 0, result.stderr
@@ -103,11 +104,13 @@ def test_a_run_and_its_report(elsewhere, scan):
     assert (elsewhere.folder / "page.html").is_file()
 
 
+@pytest.mark.long
 def test_a_run_in_worker_processes(elsewhere, scan):
     result = elsewhere("run", "--scan", scan, *SMALL, "--jobs", "2", "--out", "run-2")
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.long
 def test_a_recording_and_its_replay(elsewhere):
     result = elsewhere("record", "--port", "simulated:A@0,0,0", "--seconds", "3", "--out", "a.tactrec")
     assert result.returncode == 0, result.stderr

@@ -137,24 +137,13 @@ def test_counts_become_pressures_and_back():
 @pytest.mark.parametrize(
     ("layout", "message"),
     [
-        ([], "no item 'taxels'"),
         ([{"is": "taxels", "count": 1}], "must begin with a header, end with a footer, or have a checksum"),
-        (
-            [{"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum16"}],
-            "a checksum of crc16-modbus, crc16-ccitt, crc32",
-        ),
         ([{"is": "taxels", "count": 1}, HEADER], "header must be the first"),
-        ([HEADER], "no item 'taxels'"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
         (
             [HEADER, {"is": "footer", "bytes": "0A"}, {"is": "taxels", "count": 1}],
             "footer must be the last",
         ),
-        (
-            [{"is": "header", "bytes": "XY"}, {"is": "taxels", "count": 1}],
-            "hexadecimal digits like 'AA 55'",
-        ),
-        ([{"is": "header", "bytes": ""}, {"is": "taxels", "count": 1}], "at least 1"),
         (
             [HEADER, {"is": "taxels", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}],
             "not fit",
@@ -163,7 +152,6 @@ def test_counts_become_pressures_and_back():
             [HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "md5"}],
             "unknown checksum 'md5'",
         ),
-        ([HEADER, {"is": "taxels", "count": 1}, {"is": "checksum", "kind": "sum8", "skip": 4}], "skips 4"),
         (
             [HEADER, {"is": "checksum", "kind": "crc16-modbus"}, {"is": "taxels", "count": 1}],
             "the checksum does not cover the taxels",
@@ -172,7 +160,6 @@ def test_counts_become_pressures_and_back():
             [HEADER, {"is": "taxels", "count": 6}, {"is": "checksum", "kind": "sum8", "skip": 3}],
             "the checksum does not cover the taxels",
         ),
-        ([HEADER, {"is": "taxels", "count": 1, "bits": 9}], "8, 10, 12, 16 or 32"),
         ([HEADER, {"is": "taxels", "count": 1, "float": True}], "a float has 32 bits, not 16"),
         ([HEADER, {"is": "taxels", "count": 1, "axes": 3, "normal": 3}], "normal axis 3 is none of 3"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "packet", "of": 2}], "needs an 'index'"),
@@ -180,7 +167,6 @@ def test_counts_become_pressures_and_back():
             [HEADER, {"is": "index"}, {"is": "packet", "of": 256, "first": 1}, {"is": "taxels", "count": 1}],
             "256 packets from 1 on do not fit a number of 1 bytes",
         ),
-        ([HEADER, {"is": "taxel", "count": 1}], "does not match any of the expected tags"),
     ],
 )
 def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):

@@ -37,9 +37,7 @@ def contact_force(model, data, geom):
     return total, moment / max(total, 1e-300)
 
 
-@pytest.mark.parametrize(
-    ("radius", "x", "y"), [(2, 0.5, 0.5), (5, 0, 0), (10, 1.3, -0.7), (20, 3, 2), (10, 5.5, 0)]
-)
+@pytest.mark.parametrize(("radius", "x", "y"), [(2, 0.5, 0.5), (10, 1.3, -0.7), (10, 5.5, 0)])
 def test_a_sphere_is_the_closed_form(radius, x, y):
     _, _, reading = rest(f'type="sphere" size="{radius / 1e3}"', x=x, y=y, height=radius)
     most, largest = errors(reading.kpa, image(PAD, ball(reading.force, radius, x, y)))
@@ -47,7 +45,7 @@ def test_a_sphere_is_the_closed_form(radius, x, y):
     assert largest < 0.01
 
 
-@pytest.mark.parametrize("angle", [0, 0.4, 1.2, np.pi / 4])
+@pytest.mark.parametrize("angle", [0, 1.2])
 def test_a_cylinder_on_its_side_is_the_closed_form(angle):
     lying = Rotation.from_euler("xz", [np.pi / 2, angle]).as_quat(scalar_first=True)
     body = f'type="cylinder" size="0.004 0.004" quat="{" ".join(map(str, lying))}"'
@@ -58,9 +56,7 @@ def test_a_cylinder_on_its_side_is_the_closed_form(angle):
 
 
 @pytest.mark.parametrize("body", ['type="box" size="0.003 0.003 0.003"', 'type="mesh" mesh="cube"'])
-@pytest.mark.parametrize(
-    ("angle", "x", "y"), [(0, 0, 0), (0.3, 1.1, 0.4), (np.pi / 4, 2, -1), (0.02, 3.3, 3.1)]
-)
+@pytest.mark.parametrize(("angle", "x", "y"), [(0, 0, 0), (0.3, 1.1, 0.4), (0.02, 3.3, 3.1)])
 def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
     _, _, reading = rest(f"{body} {turned(angle)}", x=x, y=y, height=3.1)
     most, largest = errors(reading.kpa, image(PAD, block(reading.force, 3, 3, angle, x, y)))
@@ -68,9 +64,7 @@ def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
     assert largest < 0.01
 
 
-@pytest.mark.parametrize(
-    ("half_x", "half_y", "angle"), [(15, 5, 0.3), (15, 5, 0), (30, 30, 0.3), (2, 2, 0.5), (0.05, 8, 0.5)]
-)
+@pytest.mark.parametrize(("half_x", "half_y", "angle"), [(15, 5, 0.3), (2, 2, 0.5), (0.05, 8, 0.5)])
 def test_738_taxels_feel_what_is_much_larger_and_much_smaller_than_they(half_x, half_y, angle):
     body = f'type="box" size="{half_x / 1e3} {half_y / 1e3} 0.01" {turned(angle)}'
     _, _, reading = rest(body, WIDE, x=1, height=10.1, face="0.04 0.04 0.005")
@@ -135,8 +129,8 @@ def test_taxels_and_what_lies_outside_add_up_to_mujocos_force(body, x, y, seed):
     assert reading.outside >= -1e-9
 
 
-@pytest.mark.parametrize("x", [4.75, 4.9, 10.5])
-@pytest.mark.parametrize("angle", [0, 0.3, np.pi / 4])
+@pytest.mark.parametrize("x", [4.9, 10.5])
+@pytest.mark.parametrize("angle", [0, 0.3])
 def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(angle, x):
     """The pad ends at x = 7.7 mm, in the middle of cells that the block covers in part."""
     _, _, reading = rest(
@@ -152,7 +146,6 @@ def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(angle, x):
     ("kind", "size", "normal", "height"),
     [
         ("box", ".02 .02 .005", (0, 0, 1), 5),
-        ("cylinder", ".008 .02", (1, 0, 0), 8),
         ("capsule", ".008 .02", (1, 0, 0), 8),
         ("sphere", ".012", (0, 0, 1), 12),
         ("ellipsoid", ".02 .02 .012", (0, 0, 1), 12),
@@ -239,7 +232,7 @@ def test_a_pad_is_felt_alike_on_a_body_that_moves():
 @pytest.mark.parametrize("kind", ["sphere", "cylinder", "capsule", "ellipsoid"])
 def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
     """A ball of radius 5 mm on one of radius r is felt as one of 1 / (1 / 5 + 1 / r) on a flat pad."""
-    for radius in (0.02, 0.1, 0.4, 1.6):
+    for radius in (0.02, 0.4):
         size = {"ellipsoid": f"{radius} {radius} {radius}"}.get(kind, f"{radius} .05")
         standing = (
             'quat=".7071067811865476 0 -.7071067811865476 0"' if kind in ("cylinder", "capsule") else ""
@@ -265,7 +258,7 @@ def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
 
 
 @pytest.mark.parametrize("kind", ["sphere", "capsule"])
-@pytest.mark.parametrize("stiffness", [200.0, 1000.0, 20_000.0])
+@pytest.mark.parametrize("stiffness", [200.0, 20_000.0])
 def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1).
 
@@ -422,10 +415,6 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
             {"pad": Pad(rows=20)},
             "the pad reaches from (-7.7, -18.95) to (7.7, 18.95) mm and body 'two' from",
         ),
-        ("empty", {}, "body 'empty' has no geom that can touch: a pad lies on one that can"),
-        ("scan", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'scan' from (-"),
-        ("tiny", {}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'tiny' from"),
-        ("box", {"at": (15, 0)}, "the pad reaches from (-7.7, -5.65) to (7.7, 5.65) mm and geom 'box' from"),
         (
             "capsule",
             {"normal": (1, 0, 1)},
@@ -438,12 +427,8 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
             "mm about the pad's middle: choose a smaller pad (one over the round end looks along the capsule's axis)",
         ),
         ("box", {"normal": (0, 0, 0)}, "normal is (0, 0, 0); it is the direction in which the pad looks"),
-        ("box", {"normal": (0, 1)}, "normal has shape (2,); it is 3 numbers"),
-        ("box", {"at": (0, np.nan)}, "at"),
         ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),
-        ("box", {"stiffness": "x"}, "stiffness is 'x'; it is a number of kPa/mm above 0"),
         ("box", {"psf_sigma": 0.1}, "psf_sigma is 0.1; it is 0 or at least 0.3 mm"),
-        ("box", {"psf_sigma": None}, "psf_sigma is None; it is 0 or at least 0.3 mm"),
         ("box", {"pad": "pad.toml"}, "pad is 'pad.toml'; give a tactsim.Pad, and of a file Pad.load(file)"),
         (3, {}, "geom is 3; give a geom or a body of the spec, or the name of one"),
         ("plain", {"at": (1, 0)}, "geom 'plain_pad0' is round: turn the pad's normal instead of giving `at`"),

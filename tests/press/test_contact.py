@@ -214,8 +214,8 @@ def tilted_truth(letter, pose, load, tilt, force):
     return 1e3 * reading / (PAD.taxel_width * PAD.taxel_height)
 
 
-@pytest.mark.parametrize("tilt", [(0.003, 0.0), (-0.01, 0.004), (0.02, -0.03), (0.1, 0.0), (-0.07, 0.07)])
-@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
+@pytest.mark.parametrize("tilt", [(0.003, 0.0), (0.02, -0.03), (-0.07, 0.07)])
+@pytest.mark.parametrize("force", [0.1, 30.0])
 def test_pressure_is_linear_under_a_tilted_face(tilt, force):
     """Within 0.5 % of the peak at 2 cells a taxel side, on any part of the face that still touches."""
     options = level_press(force=force, tilt_x=tilt[0], tilt_y=tilt[1])

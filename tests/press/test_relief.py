@@ -105,8 +105,7 @@ def worst(letter, gap, given, poses=POSES, tilt=(0.0, 0.0), fine=0.02):
     return max(errors), depths
 
 
-@pytest.mark.parametrize("radius", [3.0, 10.0, 50.0])
-@pytest.mark.parametrize("force", [0.1, 2.0, 30.0])
+@pytest.mark.parametrize(("radius", "force"), [(3.0, 0.1), (10.0, 2.0), (50.0, 30.0)])
 def test_a_sphere(radius, force):
     """Winkler: F = pi R k d^2 for a paraboloid, pi k d^2 (R - d / 3) for a cap."""
     about = np.sqrt(force / (np.pi * radius))

@@ -156,26 +156,15 @@ def array(name, change):
     return edit
 
 
-def of_run(**changes):
-    return lambda content: content["meta"]["runs"][0].update(changes)
-
-
 DAMAGES = {
     "schema": (meta(schema=3), "schema 3; this version of tactsim reads schema 1 and 2"),
     "status": (meta(status="crashed: x"), "only a method that was done has runs"),
-    "unknown entry": (meta(score=1.0), "unknown option"),
-    "options": (meta(options=[1]), "options"),
-    "boolean": (meta(reproducible=1), "reproducible"),
     "no run": (lambda content: content["meta"]["runs"].pop(), "its runs have 3 trials, and there are 6"),
     "a run without objects": (
         lambda content: content["meta"]["runs"][1]["about"].update(objects={}), "run 1: run.json: objects",
     ),
-    "no run at all": (of_run(about={}), "run 0: run.json"),
     "no column": (lambda content: content.pop("theta"), "it has no array 'theta'"),
-    "no digest": (lambda content: content.pop("digest"), "it has no array 'digest'"),
     "a row less": (array("x", lambda x: x[1:]), "x has the shape (5, 4), and label (6, 4)"),
-    "a flat label": (array("label", np.ravel), "label has the shape (24,)"),
-    "names": (array("x", lambda x: x.astype(str)), "x holds <U"),
     "infinite": (array("p_truth", lambda x: x * np.inf), "p_truth"),
     "hostile label": (array("label", lambda x: np.full(x.shape, "\x1b[2J")), "not printable"),
 }  # fmt: skip

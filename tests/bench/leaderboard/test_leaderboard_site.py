@@ -8,7 +8,7 @@ from urllib.parse import unquote
 
 import pytest
 from browser import browser, needs_browser
-from command_line import Bench, refused
+from command_line import refused
 from entered import entered, record_of
 
 from tactsim.bench.leaderboard import site as sites
@@ -180,12 +180,11 @@ def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, 
     assert sorted(out.rglob("*")) == before
 
 
-def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, here, tmp_path, shared_cache):
-    bench = Bench(tmp_path, shared_cache)
+def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, here, tmp_path):
     (tmp_path / "mine").mkdir()
     for name in ("stuck.zip", "cut.zip"):
         shutil.copy(folder / name, tmp_path / "mine")
-    made = bench("leaderboard", "mine")
+    made = here("leaderboard", "mine")
     assert (made.returncode, made.stdout) == (1, "site  mine/site/index.html\n")
     assert [line.partition(":")[0] for line in made.stderr.splitlines() if "bundles" not in line] == [
         "unreadable  cut.zip"

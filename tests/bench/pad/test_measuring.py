@@ -99,11 +99,6 @@ def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
         (["--port", "simulated:A@0,0,0.3", "--train-scan", "two.npz"], ["never lifted", "simulated:hand"]),
         (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave out --port or --scan"]),
         (["--port", "pad", "--train-scan", "two.npz", "--set", "x=1"], ["x"]),
-        (["--port", "pad", "--train-scan", "two.npz", "--world", "rough"], ["come from", "leave it out"]),
-        (["--port", "pad", "--train-scan", "two.npz", "--seen", "above"], ["say behind or front"]),
-        (["--presses", "gone", "--train-scan", "two.npz"], ["I-1.tactrec was not measured yet"]),
-        (["--patience", "2"], ["--patience is for a pad", "--port"]),
-        (["--seen", "behind"], ["--seen is for a pad", "--port"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, scan_file, tmp_path, words, parts):

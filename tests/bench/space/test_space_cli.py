@@ -173,14 +173,6 @@ def test_the_frame_of_an_object_does_not_matter_to_its_error():
         (["--trials", "0"], "trials"),
         (["--explore", "blind"], "information"),
         (["--hand", "nothere.toml"], "nothere.toml"),
-        (["--hand", "fist"], "fist"),
-        (["--hand", "gripper", "--explore", "information"], "hand"),
-        (["--shape", "none.stl"], "none.stl"),
-        (["--scan", "none.npz"], "none.npz"),
-        (["--scan-set", "stiff=3"], "stiffness"),
-        (["--scan-set", "body=sphere"], "radius"),
-        (["--estimator", "refined"], "plane"),
-        (["--noise", "loud"], "noise"),
     ],
 )
 def test_a_mistake_is_one_line_that_says_what_would_be_right(words, says):

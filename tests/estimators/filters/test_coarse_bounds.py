@@ -60,7 +60,7 @@ def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
     grid = StateGrid(*split)
     field = field_of(model, grid)
     lazy, counted = [CoarseBins(field, grid, skip=skip) for skip in (True, False)], {}
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         field.reset()
         for one in lazy:
@@ -81,11 +81,11 @@ def test_the_best_bins_are_those_of_all_bins(model, split, keep, within):
                 assert np.isin(np.flatnonzero(everything >= least), flat).all()
                 assert log_p.min() >= least - 2e-6
             assert np.array_equal(lazy[0].listed[0], lazy[1].listed[0])
-    assert counted[lazy[1]].tolist() == [grid.bins * 3 * 21, 0]
-    assert counted[lazy[0]].sum() == grid.bins * 3 * 21
+    assert counted[lazy[1]].tolist() == [grid.bins * 3 * 14, 0]
+    assert counted[lazy[0]].sum() == grid.bins * 3 * 14
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([9.0, 25.0, 60.0]))
 def test_no_bin_is_above_its_bound(model, seed, reach):
     made, scan = model
@@ -126,7 +126,7 @@ def test_rows_that_hang_over_the_tables_read_no_bound_beyond_them(model, split, 
         other._levels = plain._levels._replace(level=amid(plain._levels.level, what))
         others.append(other)
     rng = np.random.default_rng(0)
-    for _ in range(10):
+    for _ in range(4):
         field.reset()
         for belief in (plain, *others):
             belief.reset()
@@ -214,7 +214,7 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
     rows, columns = (np.flatnonzero(tables.nodes[0, 0].any(axis=axis)) for axis in (1, 0))
     x, y, theta = grid.centres
     one = Evidence(np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.float32))
-    for _ in range(500):
+    for _ in range(200):
         # Just before the last node that says nothing, as some bin sees it.
         node = tables.origin + tables.step * [columns[0] - 1, rng.choice(rows)]
         away = node - [rng.choice(x), rng.choice(y)] + [-(10.0 ** rng.uniform(-9, -4)), 1e-4]
