@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs.codec import Frame
@@ -13,19 +12,6 @@ Place = tuple[int, int]  # port, address
 Moment = dict[Place, Frame]  # the frames of all parts
 
 _MOST_VALUES = 1 << 17  # taxels' values that wait for other parts: more than a port gives in one read
-
-
-class Pairing(Protocol):
-    """What waits for the frames of other parts."""
-
-    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
-        """Take in a frame that was measured between two times, s; returns the moment that it completes, or None."""
-
-    def forget(self) -> None:
-        """Drop what waits."""
-
-    def waiting(self) -> list[Frame]:
-        """List the frames that wait for others."""
 
 
 @dataclass
@@ -51,7 +37,7 @@ class ByIndex:
         self._moments: dict[int, _Open] = {}  # by counter, in the order in which they began
 
     def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
-        """Take in a frame that came at `latest`, s; see `Pairing.add`."""
+        """Take in a frame that came at `latest`, s; returns the moment that it completes, or None."""
         index = frame.index
         assert index is not None
         while self._moments:
@@ -90,7 +76,7 @@ class ByTime:
         self._held: dict[Place, tuple[Frame, float, float]] = {}  # each part's newest frame, and its times
 
     def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
-        """Take in a frame that was measured between two times, s; see `Pairing.add`."""
+        """Take in a frame that was measured between two times, s; returns the moment that it completes, or None."""
         before = len(self._held) + 1
         self._held[place] = frame, earliest, latest
         last = max(held[2] for held in self._held.values())
@@ -110,3 +96,6 @@ class ByTime:
     def waiting(self) -> list[Frame]:
         """List the frames that wait for others."""
         return [frame for frame, _, _ in self._held.values()]
+
+
+Pairing = ByIndex | ByTime

@@ -225,11 +225,11 @@ class Whole:
 
 
 class RecordReader:
-    """Read a recording's records in order; after the last one, `whole` says how the file ended."""
+    """Read a recording's records in order, from byte `at` on; after the last one, `whole` says how the file ended."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, at: int = 0) -> None:
         self.path = Path(path)
-        self.whole = Whole(0, 0, False, None)
+        self.whole = Whole(at, 0, False, None)
 
     def __iter__(self) -> Iterator[Record]:
         """Give the whole records. Raises InputError if the file cannot be read or is no recording."""
@@ -244,8 +244,9 @@ class RecordReader:
             raise InputError(f"cannot read recording {self.path}: {error}") from error
 
     def _records(self, stream: BufferedReader, size: int) -> Iterator[Record]:
-        at, records, finished = _START.size, 0, False
+        at, records, finished = max(self.whole.whole_bytes, _START.size), 0, False
         fault = None
+        stream.seek(at)
         while at < size:
             record = _read_record(stream, size - at)
             if isinstance(record, str):
@@ -267,27 +268,12 @@ class Tail:
 
     def poll(self) -> list[Record]:
         """Return the records that have become whole since the last call; none while there is no file."""
-        if not self._path.exists():
+        if not self._path.exists() or self._path.stat().st_size < _START.size:
             return []
-        try:
-            with open_regular(self._path) as stream:
-                size = os.fstat(stream.fileno()).st_size
-                if not self._at and size >= _START.size:
-                    check_start(stream)
-                    self._at = _START.size
-                stream.seek(self._at)
-                records = []
-                while 0 < self._at < size:
-                    record = _read_record(stream, size - self._at)
-                    if isinstance(record, str):
-                        break
-                    self._at += record.size
-                    records.append(record)
-                return records
-        except OSError as error:
-            raise InputError(f"cannot read recording {self._path}: {error.strerror or error}") from error
-        except InputError as error:
-            raise InputError(f"cannot read recording {self._path}: {error}") from error
+        reader = RecordReader(self._path, self._at)
+        records = list(reader)
+        self._at = reader.whole.whole_bytes
+        return records
 
 
 def is_recording(path: str | Path) -> bool:

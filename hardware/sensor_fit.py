@@ -197,7 +197,7 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     noise = noise_of(left[rested], predicted[rested])
     unseen = _left_out(fit, state)
     own, texture = unevenness(fit.recorded, unseen, fit.fold, noise)
-    gain_spread = 0.0 if state.gains is None else _gain_spread(fit, predicted)
+    gain_spread = 0.0 if state.gains is None else shrunk_gains(fit.recorded, predicted, fit.fold).spread
     return SensorFit(
         psf_sigma=state.sigma,
         psf_sigma_range=_interval(state.sigma, state.sigma_error, NARROWEST, WIDEST),
@@ -255,10 +255,6 @@ def _left_out(fit: PressFit, state: State) -> FloatArray:
     """
     as_drawn = replace(fit, outline=np.full(len(fit.recorded), -1))
     return held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
-
-
-def _gain_spread(fit: PressFit, predicted: FloatArray) -> float:
-    return shrunk_gains(fit.recorded, predicted, fit.fold).spread
 
 
 def _interval(value: float, error: float, least: float, most: float) -> tuple[float, float]:

@@ -185,6 +185,14 @@ class Listening(Dialogue):
         self._asked = None
 
 
+def mark_begun(buffer: bytes | bytearray, start: int, *marks: bytes) -> int:
+    """Count the bytes at the buffer's end, behind `start`, that could be the beginning of one of the marks."""
+    lengths = range(1, min(max(map(len, marks)), len(buffer) - start + 1))
+    return max(
+        (n for n in lengths if any(buffer.endswith(mark[:n]) for mark in marks if n < len(mark))), default=0
+    )
+
+
 class CodecFormat(BaseModel, ABC):
     """The table `[codec]` of a device file: which codec, and what it has to know.
 

@@ -23,7 +23,15 @@ from tactsim.core.counters import Counters
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import PATIENCE, CountsCodec, CountsFormat, Dialogue, Frame, Listening
+from tactsim.hardware.codecs.codec import (
+    PATIENCE,
+    CountsCodec,
+    CountsFormat,
+    Dialogue,
+    Frame,
+    Listening,
+    mark_begun,
+)
 from tactsim.hardware.codecs.layout import (
     Checksum,
     Clock,
@@ -114,7 +122,7 @@ class FieldsCodec(CountsCodec):
         if mark:
             at = buffer.find(mark, start)
             if at < 0:
-                return have - _beginning(buffer, start, mark), None
+                return have - mark_begun(buffer, start, mark), None
             if at > start:
                 return at - start, None
             if self._lone and (inner := self._mark_within(buffer, start)):
@@ -128,7 +136,7 @@ class FieldsCodec(CountsCodec):
         if self._followed:
             ends = buffer.startswith(mark, first + self.size)
         else:
-            ends = not (self._open_ended and _beginning(frame, 0, mark))
+            ends = not (self._open_ended and mark_begun(frame, 0, mark))
         # Without any mark, the frame before must be right, too.
         follows = bool(mark) or self._agrees(bytes(buffer[start:first]))
         if not (ends and follows and self._agrees(frame)):
@@ -268,14 +276,6 @@ class Joining(Listening):
         """Forget the open question and the frames that are not complete."""
         super().reset()
         self._open.clear()
-
-
-def _beginning(buffer: bytes | bytearray, start: int, mark: bytes) -> int:
-    """Count the bytes at the buffer's end that could be the beginning of a mark."""
-    for length in range(min(len(mark) - 1, len(buffer) - start), 0, -1):
-        if buffer.endswith(mark[:length]):
-            return length
-    return 0
 
 
 def _value_range(form: Taxels) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """`csv`: lines of numbers, as an Arduino prints them with `Serial.print`.
 
-Between two numbers stand commas, semicolons, tabs or blanks, one kind in a line. What sketches print around them does
-no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$`. A frame is a
-line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf` is none,
-unless in a column that is left out (`skip`, `after`), which may be a word or a date.
+Between two numbers stand commas, semicolons, tabs, bars or blanks, one kind in a line. What sketches print around them
+does no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$` or a `#`. A
+frame is a line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf`
+is none, unless in a column that is left out (`skip`, `after`), which may be a word or a date.
 
 A line counts only if the end of the line before it was seen: the first line after the port was opened may be the
 rest of one, which looks like a whole line of smaller numbers. A line that lost characters in its middle looks
@@ -31,7 +31,7 @@ _LONGEST_NUMBER = 32  # characters of one number with its separator and its name
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
 _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
 _ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
-_AROUND = bytes.maketrans(b"[](){}<>$\"'\0", b" " * 12)  # means nothing here
+_AROUND = bytes.maketrans(b"[](){}<>|$#\"'\0", b" " * 14)  # means nothing here, or no more than a blank
 _NAME = re.compile(rb"(?<![\w.+-])[A-Za-z_]\w* *[:=]")  # of a number, as `S0:12`
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
 _LARGEST_COUNT = float(1 << 53)  # of a clock or a frame counter: up to there every whole number is exact

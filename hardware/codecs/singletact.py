@@ -24,7 +24,15 @@ from pydantic import Field
 
 from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.codecs.codec import PATIENCE, Codec, CodecError, CodecFormat, Dialogue, Frame
+from tactsim.hardware.codecs.codec import (
+    PATIENCE,
+    Codec,
+    CodecError,
+    CodecFormat,
+    Dialogue,
+    Frame,
+    mark_begun,
+)
 
 HEADERS = (b"\xff\xff\xff\xff", b"\xaa\xaa\xaa\xaa")
 FOOTER = b"\xfe\xfe\xfe\xfe"
@@ -117,7 +125,7 @@ class SingleTactCodec(Codec[Reply]):
             return (0 if could_be else 1, None) if header else (0, None)
         if header not in HEADERS:
             found = [at for known in HEADERS if (at := buffer.find(known, start)) >= 0]
-            return (min(found) - start, None) if found else (have - _tail(buffer, start), None)
+            return (min(found) - start, None) if found else (have - mark_begun(buffer, start, *HEADERS), None)
         if have > 4 and buffer[start + 4] > 127:
             return 1, None
         if have > 5 and buffer[start + 5] > 1:
@@ -319,11 +327,3 @@ def write_reply(reply: Reply) -> bytes:
 def _answers(reply: Reply, question: Question) -> bool:
     expected = 0 if question.data else question.count
     return (reply.address, reply.id, len(reply.data)) == (question.address, question.id, expected)
-
-
-def _tail(buffer: bytes | bytearray, start: int) -> int:
-    """Count the bytes at the end, up to three, that could begin a header."""
-    for length in range(min(3, len(buffer) - start), 0, -1):
-        if any(buffer.endswith(header[:length]) for header in HEADERS):
-            return length
-    return 0

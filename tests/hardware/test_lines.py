@@ -30,6 +30,8 @@ FORMS = {
     "names and blanks": lambda v, t: "\t".join(f"taxel_{k} = {x}" for k, x in enumerate(v)) + "\r\n",
     "brackets": lambda v, t: "[" + ", ".join(map(str, v)) + "]\r\n",
     "dollar": lambda v, t: "$" + ",".join(map(str, v)) + "\r\n",
+    "hash": lambda v, t: "# " + ",".join(map(str, v)) + "\r\n",
+    "bars": lambda v, t: " | ".join(map(str, v)) + "\r\n",
     "padded": lambda v, t: "  ".join(f"{x:6d}" for x in v) + "\r\n",
     "signs": lambda v, t: ",".join(f"{x:+d}" for x in v) + "\r\n",
     "fractions": lambda v, t: ",".join(f"{x:.2f}" for x in v) + "\r\n",
