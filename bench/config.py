@@ -485,34 +485,28 @@ def any_config(**words: Any) -> RunConfig | SpaceConfig:
 def run_config(**words: Any) -> RunConfig:
     """Build a run's configuration; a task's is completed by what the task says.
 
-    Raises InputError with one line, also for a wrong option of the scan, and for one that contradicts the task.
+    Raises InputError with one line, also for a wrong option of the scan, for one that contradicts the task, and for one
+    of the estimator, which belongs into `set`.
     """
     if words.get("task") is not None:
         from tactsim.bench.tasks import task  # imports this module
 
         words = task(str(words["task"])).completed(words)
-    _check_for_settings(words)
+    taken = {field.alias or name for name, field in RunConfig.model_fields.items()}
+    if strange := [word for word in words if word not in taken]:
+        from tactsim.estimators.registry import load, names
+
+        name = words.get("estimator", RunConfig.model_fields["estimator"].default)
+        for word in strange:
+            if name in names() and word in load(name).options_type.model_fields:
+                raise InputError(
+                    f"run: {word!r} is an option of the estimator {name}; give set={{{word!r}: ...}}"
+                )
     config = checked(RunConfig, words, "run")
     _ = config.moving
     if config.pressed:
         _ = config.scan_options
     return config
-
-
-def _check_for_settings(words: Mapping[str, Any]) -> None:
-    """Raise InputError if a word is an option of the estimator, which belongs into `set`."""
-    taken = {field.alias or name for name, field in RunConfig.model_fields.items()}
-    strange = [word for word in words if word not in taken]
-    name = words.get("estimator", RunConfig.model_fields["estimator"].default)
-    if not strange:
-        return
-    from tactsim.estimators.registry import load, names
-
-    for word in strange:
-        if name in names() and word in load(name).options_type.model_fields:
-            raise InputError(
-                f"run: {word!r} is an option of the estimator {name}; give set={{{word!r}: ...}}"
-            )
 
 
 def scan_options(**words: Any) -> ScanOptions:

@@ -27,25 +27,21 @@ class _PlainConsole(Console):
         """Print; where a table's figures and words have no room, its lines run over the edge: none is cut."""
         for table in objects:
             if isinstance(table, Table):
-                _keep_whole(table, self.width)
+                # Every column has the room that its figures need, or its longest word that is no wider than all.
+                for column in table.columns:
+                    head, *cells = (str(cell) for cell in (column.header, *column.cells))
+                    if column.justify == "right":
+                        # An interval stays in one line; a heading may take several.
+                        column.min_width = max(map(len, (*head.split(), *cells)), default=0)
+                        column.no_wrap = len(head) <= column.min_width
+                    else:
+                        words = (word for line in (head, *cells) for word in line.split())
+                        column.min_width = min(max(map(len, words), default=0), self.width)
                 least = Measurement.get(self, self.options.update(width=_UNBOUNDED), table).minimum
                 if least > self.width:
                     table.width = least
                     options["crop"] = False
         super().print(*objects, **options)
-
-
-def _keep_whole(table: Table, width: int) -> None:
-    """Give every column of a table the room that its figures need, or its longest word that is no wider than all."""
-    for column in table.columns:
-        head, *cells = (str(cell) for cell in (column.header, *column.cells))
-        if column.justify != "right":
-            longest = max((len(word) for line in (head, *cells) for word in line.split()), default=0)
-            column.min_width = min(longest, width)
-            continue
-        # An interval stays in one line; a heading may take several.
-        column.min_width = max(map(len, (*head.split(), *cells)), default=0)
-        column.no_wrap = len(head) <= column.min_width
 
 
 def plain_table(*headings: str, words: int = 1) -> Table:

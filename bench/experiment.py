@@ -124,16 +124,11 @@ def perform(
     run = finished_run(
         config, gathered, done, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
     )
-    return replace(run, plan=plan, maps=_learned(fitted))
-
-
-def _learned(estimator: Estimator) -> Mapping[str, Any]:
-    """Give what an estimator has learned of each object, for a picture: occupancy maps, or surfaces in space."""
-    if not estimator.in_space:
-        return maps_of(estimator)
+    if not fitted.in_space:
+        return replace(run, plan=plan, maps=maps_of(fitted))
     from tactsim.estimators.space.space_field import surfaces_of
 
-    return surfaces_of(estimator)
+    return replace(run, plan=plan, maps=surfaces_of(fitted))
 
 
 def estimator_of(config: Config) -> Estimator:

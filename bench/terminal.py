@@ -121,8 +121,15 @@ def _lines(console: Console) -> Iterator[Report]:
 def print_run(run: Run, verbose: bool = False) -> None:
     """Print what was asked, the headline and some rows of readings; if `verbose`, all that is known of the run."""
     console = plain_console()
-    print_method(console, run)
-    console.print(_trials_asked(run))
+    how = run.about["description"]
+    console.print(run.config["estimator"], style="bold", end=" " if how else "\n")
+    if how:
+        console.print(how)
+    task = f"task {run.task}; " if run.task and not run.in_space else ""
+    trials = counted(run.config["trials"], "trial") + ("" if run.in_space else " each")
+    known = run.plan.scan.where("train").letters if run.plan and not run.in_space else ()
+    among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
+    console.print(f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}")
     for line in headline(run):
         console.print(line, style="bold")
     rows = _rows(run.readings, _ROWS_IN_SPACE if run.in_space else ROWS) if verbose else _rows(run.readings)
@@ -131,8 +138,11 @@ def print_run(run: Run, verbose: bool = False) -> None:
         f"right: share of the trials that name the {'object' if run.in_space else 'letter'}; error: how far from its "
         f"true place they put it, mean over those named rightly"
     )
-    for line in _own_shapes(run):
-        console.print(line)
+    k = min(5, run.readings)
+    for name in (Path(path).stem for path in run.config.get("shapes") or ()):
+        right = run.trials.right[run.trials.truth == name, k - 1]
+        if len(right):
+            console.print(f"{name}: {right.mean():.2f} right after {k}")
     for line in run.about.get("notes", []):
         console.print(f"note     {line}")
     if run.config.get("bound") and run.about.get("no_bound"):
@@ -143,15 +153,6 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(_pad_fit(run.about["pad_fit"]))
     for line in details(run):
         console.print(line)
-
-
-def _trials_asked(run: Run) -> str:
-    """Say of which objects there were how many trials, and how the readings of a trial came."""
-    task = f"task {run.task}; " if run.task and not run.in_space else ""
-    trials = counted(run.config["trials"], "trial") + ("" if run.in_space else " each")
-    known = run.plan.scan.where("train").letters if run.plan and not run.in_space else ()
-    among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
-    return f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}"
 
 
 def _rows(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
@@ -173,14 +174,6 @@ def headline(run: Run) -> list[str]:
     if run.config.get("hold_out"):
         lines.append(_refused(run))
     return lines + run.cautions
-
-
-def _own_shapes(run: Run) -> list[str]:
-    """Say of each shape of the user's own how often it is named after a few readings."""
-    names = [Path(path).stem for path in run.config.get("shapes") or ()]
-    k = min(5, run.readings)
-    right = {name: run.trials.right[run.trials.truth == name, k - 1] for name in names}
-    return [f"{name}: {of.mean():.2f} right after {k}" for name, of in right.items() if len(of)]
 
 
 def _pad_fit(facts: dict[str, Any]) -> str:
@@ -379,14 +372,6 @@ def print_bound(found: Bound) -> None:
 
 def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
-
-
-def print_method(console: Console, run: Run) -> None:
-    """Print the line of the estimator's name, and of how it was set up if it says so."""
-    how = run.about["description"]
-    console.print(run.config["estimator"], style="bold", end=" " if how else "\n")
-    if how:
-        console.print(how)
 
 
 def when(word: str, number: int | None, last: str) -> str:

@@ -251,10 +251,9 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) ->
         return f"has the pose {short(pose.tolist())}, which is no finite {kind}"
     if in_space and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
         return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"
-    return None if estimate.samples is None else _fault_of_samples(estimate.samples, length)
-
-
-def _fault_of_samples(samples: Any, length: int) -> str | None:
+    samples = estimate.samples
+    if samples is None:
+        return None
     try:
         poses, weights = np.asarray(samples.poses, dtype=float), np.asarray(samples.weights, dtype=float)
     except (AttributeError, TypeError, ValueError, OverflowError):

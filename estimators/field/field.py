@@ -81,7 +81,11 @@ class LikelihoodField:
         Raises ValueError, and adds nothing, if the likelihood named a table or taxel that does not exist,
         or gave a weight that is negative or not finite.
         """
-        self._make_room(len(evidence.table))
+        if self._readings == len(self.terms.slack):
+            self.terms = _with_room(self.terms, ("start", "constant", "upper", "slack"))
+        filled = self.terms.start[self._readings * self.terms.loads]
+        while filled + len(evidence.table) > len(self.terms.kind):
+            self.terms = _with_room(self.terms, ("kind", "xy", "weight"))
         named = Named(evidence.table, evidence.taxel, evidence.weight, evidence.ends(self.terms.loads))
         if not record(self.terms, self._readings, named, self.taxel_xy, sensor_in_robot, self._ranges):
             evidence.check(len(self.tables.highest), len(self.taxel_xy))
@@ -120,16 +124,6 @@ class LikelihoodField:
         flat[:-LANES].reshape(*shape[:5], -1)[..., LANES:] = split.transpose(0, 1, 3, 5, 2, 4)
         place = np.concatenate([first - tables.origin, spacing])
         return Lattice(flat, tables.unit, np.array(shape), place)
-
-    def _make_room(self, count: int) -> None:
-        terms = self.terms
-        if self._readings == len(terms.slack):
-            by_reading = ("start", "constant", "upper", "slack")
-            terms = _with_room(terms, by_reading)
-        while terms.start[self._readings * terms.loads] + count > len(terms.kind):
-            by_term = ("kind", "xy", "weight")
-            terms = _with_room(terms, by_term)
-        self.terms = terms
 
 
 def _with_room(terms: Terms, names: Sequence[str]) -> Terms:

@@ -86,7 +86,9 @@ def tabulate(
     for letter in range(len(labels)):
         of_places = np.abs(sampled(letter, rows, columns)).max(axis=0)
         largest = [np.maximum(largest[axis], of_places.max(axis=1 - axis)) for axis in (0, 1)]
-    unit = _unit(largest[0].max())
+    # The smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as the largest.
+    share, exponent = math.frexp(largest[0].max() / _LARGEST)
+    unit = 2.0 ** max(-100, exponent - (share == 0.5)) if share else 2.0**-100
     # The first and last row and column that are not 0 everywhere, and one of zeros on each side.
     filled = [np.flatnonzero(np.rint(part / unit)) for part in largest]
     rows, columns = (range(part[0], part[-1] + 1) if len(part) else range(1, 1) for part in filled)
@@ -109,9 +111,3 @@ def tabulate(
         lowest=lowest.min(axis=1),
         highest=highest.max(axis=1),
     )
-
-
-def _unit(largest: float) -> float:
-    """Find the smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as `largest`."""
-    share, exponent = math.frexp(largest / _LARGEST)
-    return 2.0 ** max(-100, exponent - (share == 0.5)) if largest else 2.0**-100

@@ -127,7 +127,14 @@ class MapFilter(Estimator):
 
             pad_fit = fit_to_pad(scan, options)
             scan, options = pad_fit.units.scan(scan, self.takes_sequences), pad_fit.inner(options)
-        self._check_memory(len(scan.where("train").letters))
+        # A belief that would not fit in memory is refused before hours of work.
+        grid, particles = getattr(self, "grid", None), getattr(options, "particles", None)
+        if grid is not None:
+            count = len(scan.where("train").letters)
+            what = f"{count} letters with {grid.bins:,} bins each"
+            memory.require(count * grid.bins * _OF_A_BIN, what, "choose fewer bins")
+        elif particles is not None:
+            memory.require(particles * _OF_A_PARTICLE, f"{particles:,} particles", "choose fewer particles")
         maps = learn_maps_by(options, scan)
         open_set = None
         if isinstance(options, OpenSetOptions) and options.unknown:
@@ -256,17 +263,14 @@ class MapFilter(Estimator):
             known = self.open_set.estimate(known, self.path(known), self.weighted_states)
         if self.pad_fit is not None:
             known = self.pad_fit.units.estimate_back(known)
-        return self.frames.estimate_back(self._of_objects(known))
-
-    def _of_objects(self, known: Estimate) -> Estimate:
-        """Sum the probabilities of each object's views."""
-        if len(set(self._object_of.values())) == len(self._object_of):
-            return known
-        summed: dict[str, float] = {}
-        for label, p in known.probabilities.items():
-            name = self._object_of.get(label, label)
-            summed[name] = summed.get(name, 0.0) + p
-        return replace(known, label=self._object_of.get(known.label, known.label), probabilities=summed)
+        if len(set(self._object_of.values())) < len(self._object_of):  # an object's views are summed
+            summed: dict[str, float] = {}
+            for label, p in known.probabilities.items():
+                name = self._object_of.get(label, label)
+                summed[name] = summed.get(name, 0.0) + p
+            label = self._object_of.get(known.label, known.label)
+            known = replace(known, label=label, probabilities=summed)
+        return self.frames.estimate_back(known)
 
     def likeliest(self, mass: FloatArray) -> tuple[int, FloatArray]:
         """Find the likeliest map of the likeliest object, and what each map holds given its prior.
@@ -432,15 +436,6 @@ class MapFilter(Estimator):
         model.fit(self._train, self._maps)
         self._train = None
         return model
-
-    def _check_memory(self, letters: int) -> None:
-        """Raise InputError if the belief of so many letters would not fit in memory: before hours of work."""
-        grid, particles = getattr(self, "grid", None), getattr(self.options, "particles", None)
-        if grid is not None:
-            what, count = f"{letters} letters with {grid.bins:,} bins each", letters * grid.bins * _OF_A_BIN
-            memory.require(count, what, "choose fewer bins")
-        elif particles is not None:
-            memory.require(particles * _OF_A_PARTICLE, f"{particles:,} particles", "choose fewer particles")
 
     def _check_started(self, call: str) -> None:
         check_order(self._started, "reset" if self._maps else "fit", call)

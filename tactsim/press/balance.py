@@ -159,11 +159,6 @@ class _Problem:
         about_y, about_x = (np.bincount(bed.press, along, len(rows)) for along in own)
         return self.stiffness[rows, None] * np.stack([about_x, about_y], axis=1)
 
-    @property
-    def allowed(self) -> float:
-        """How far from balance a press at rest may be."""
-        return _BALANCE if self.options.press.skip.parts else _BALANCE_OF_PARTS
-
 
 def press(touches: Touches, options: ScanOptions) -> Pressed:
     """Press a letter until it rests.
@@ -215,6 +210,7 @@ def _solve(
     # Where each press is tried next; by how much it was to tilt by its last step, and how often that was halved.
     proposed, turned, turning = depth.copy(), tilt.copy(), np.zeros(count)
     steps, halvings = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    allowed = _BALANCE if problem.options.press.skip.parts else _BALANCE_OF_PARTS
     blanks: dict[int, str] = {}
     row, better = trying, np.ones(len(trying), dtype=bool)
     while len(trying):
@@ -236,7 +232,7 @@ def _solve(
         accepted = trying[better]
         depth[accepted], tilt[accepted] = contact.depth[better], contact.tilt[better]
         energy[accepted], missing[accepted] = contact.energy[better], contact.missing[better]
-        resting = better & (contact.missing <= problem.allowed)
+        resting = better & (contact.missing <= allowed)
         blanks |= dict.fromkeys(trying[resting & (leaning > MOST_TILT)].tolist(), TIPPED)
         for index in trying[~better & (halvings[trying] == _MOST_HALVINGS)].tolist():
             blanks[index] = (

@@ -206,7 +206,10 @@ def lay_bed(
     object_in_sensor = invert(poses)
     plane = surface = None
     if tilts is not None:
-        plane = foreshortening(tilts)
+        # The plane map of a face turned by its tilt about the pad's middle, seen along z.
+        (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilts.T), np.sin(tilts.T)
+        across = np.stack([cos_y, np.zeros_like(cos_y)], axis=1)
+        plane = np.stack([across, np.stack([sin_x * sin_y, cos_x], axis=1)], axis=1)
     if depths is not None:
         slope = slopes(tilts) if tilts is not None else np.zeros((len(poses), 2))
         surface = np.column_stack([depths, slope])
@@ -258,11 +261,3 @@ def slopes(tilts: FloatArray) -> FloatArray:
     """
     x, y = tilts.T
     return np.stack([-np.tan(y) / np.cos(x), np.tan(x)], axis=1)
-
-
-def foreshortening(tilts: FloatArray) -> FloatArray:
-    """Give the plane maps (n, 2, 2) of a face turned by tilts (n, 2) rad about the pad's middle, seen along z."""
-    (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilts.T), np.sin(tilts.T)
-    return np.stack(
-        [np.stack([cos_y, np.zeros_like(cos_y)], axis=1), np.stack([sin_x * sin_y, cos_x], axis=1)], axis=1
-    )

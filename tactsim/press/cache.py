@@ -48,7 +48,7 @@ def key(touches: Touches, options: ScanOptions) -> str:
             "press": options.press.model_dump(mode="json"),
             "psf_sigma": options.sensor.psf_sigma,
             "hysteresis": options.sensor.hysteresis if options.press.dynamics == "full" else 0.0,
-            "source": _source(),
+            "source": source_digest(),
             "versions": versions(),
         },
         sort_keys=True,
@@ -96,9 +96,3 @@ def _path(key: str) -> Path:
 def versions() -> dict[str, str]:
     """Name the versions of what the readings are worked out with."""
     return {"mujoco": version("mujoco"), "numpy": np.__version__}
-
-
-@lru_cache(maxsize=1)
-def _source() -> str:
-    """Hash the source that presses, so that readings of another one are not taken for this one's."""
-    return source_digest("tactsim.press.engine")

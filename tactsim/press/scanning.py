@@ -184,18 +184,13 @@ def as_pressed(
         true = compose(stated, draw("placement").standard_normal(stated.shape) * spread)
     if options.placement_tilt:
         tilts = tilts + draw("tilt").standard_normal(tilts.shape) * options.placement_tilt
-    return Touches(letter, true, tilts, load=_loads(len(stated), split, options, draw))
-
-
-def _loads(count: int, split: str, options: ScanOptions, draw: Callable[[str], Normals]) -> FloatArray | None:
-    """Draw each press's force (count,) as a share of the options'; None if all presses have just that force.
-
-    Those of the test presses are `test_load` times as large as those of the training presses.
-    """
-    share = options.test_load if split == "test" else 1.0
-    if not options.load_spread:
-        return None if share == 1 else np.full(count, share)
-    return share * draw_loads(count, options.load_spread, draw("load"))
+    # The loads of the test presses are `test_load` times as large as those of the training presses.
+    share, load = options.test_load if split == "test" else 1.0, None
+    if options.load_spread:
+        load = share * draw_loads(len(stated), options.load_spread, draw("load"))
+    elif share != 1:
+        load = np.full(len(stated), share)
+    return Touches(letter, true, tilts, load=load)
 
 
 def _ideal(

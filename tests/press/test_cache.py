@@ -76,5 +76,5 @@ def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
 
 def test_readings_of_another_source_are_not_taken(monkeypatch):
     scan_letters(OPTIONS)
-    monkeypatch.setattr(cache, "_source", lambda: "0" * 64)
+    monkeypatch.setattr(cache, "source_digest", lambda: "0" * 64)
     assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 0
