@@ -1,9 +1,7 @@
-"""The same seed gives the same answer, however the work is spread, kept, ordered or skipped.
+"""The same seed gives the same answer, however the work is spread, kept or ordered.
 
 To the bit, times apart: over processes, with the cache, without it and from it, under another order of the
-interpreter's hashes, for each letter in any order of the letters where no estimator draws over all of them,
-and with the press's skips off. Within 1e-6 of a probability, and with the same letters and poses: with the
-histogram's skip off, which leaves out bins that hold 1e-8 of the belief.
+interpreter's hashes, and for each letter in any order of the letters where no estimator draws over all of them.
 """
 
 import csv
@@ -13,7 +11,6 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 
-import numpy as np
 import pytest
 from command_line import Bench
 
@@ -109,17 +106,6 @@ def test_the_order_of_the_letters_changes_no_trial(answer, first):
         assert [one[name] for name in exact] == [other[name] for name in exact]
         # Probabilities are normalised by a sum over the letters in another order.
         assert float(one["p_truth"]) == pytest.approx(float(other["p_truth"]), rel=1e-12)
-
-
-def test_the_filters_skip_changes_no_letter_and_no_pose(answer, first):
-    skipping, trials = first
-    whole, all_bins = answer(*ESTIMATORS["histogram"], "--set", "skip=false")
-    assert skipping["work"]["skipped"]["bins"] > 0 == whole["work"]["skipped"]["bins"]
-    for one, other in zip(rows_of(trials), rows_of(all_bins), strict=True):
-        for name in one.keys() - {"p_truth", "p_label", "evaluations"}:
-            assert one[name] == other[name], name
-        p, q = (np.array([float(row["p_truth"]), float(row["p_label"])]) for row in (one, other))
-        assert np.abs(p - q).max() <= 1e-6
 
 
 def test_a_result_names_its_seed_versions_and_machine(answer, first):

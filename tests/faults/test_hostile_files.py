@@ -198,6 +198,8 @@ FILES = {
     "thing.stl": (lambda folder: mesh("stl"), read_shape),
     "text.stl": (lambda folder: mesh("stl_ascii"), read_shape),
     "thing.obj": (lambda folder: mesh("obj"), read_shape),
+    "thing.ply": (lambda folder: mesh("ply"), read_shape),
+    "thing.3mf": (lambda folder: mesh("3mf"), read_shape),
     "thing.glb": (lambda folder: mesh("glb"), read_shape),
     "thing.svg": (lambda folder: SVG, read_shape),
 }

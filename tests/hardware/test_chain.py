@@ -123,13 +123,6 @@ def test_broken_taxels_are_left_out_and_named(chain):
     assert scan.readings.shape[1] == 34
 
 
-def test_every_taxel_is_stuck(chain):
-    record, replay = chain
-    record(plan(4), "small", *(word for k in range(36) for word in ("--stuck", f"{k}={k}")), lift="0.6")
-    refused(replay(), "every taxel")
-    assert not Path("small.npz").exists()
-
-
 def test_one_press(chain, here):
     record, replay = chain
     record(plan(2)[:1])

@@ -62,14 +62,6 @@ def test_zero_motion_is_the_static_estimator_to_the_bit():
         assert one.robot_in_object.tobytes() == other.robot_in_object.tobytes()
 
 
-def test_an_object_at_rest_is_placed_as_without_motion():
-    readings, poses, _ = sequence(8, Slip())
-    off, auto = (follow(fitted(motion), readings, poses) for motion in ("off", "auto"))
-    for one, other in zip(off, auto, strict=True):
-        assert one.label == other.label
-        assert one.robot_in_object.tobytes() == other.robot_in_object.tobytes()
-
-
 @pytest.mark.parametrize("motion", ["auto", "0.6,0.03"])
 def test_a_walk_is_followed(motion):
     readings, poses, true = sequence(10, Slip(walk_mm=0.6, walk_rad=0.03))
@@ -77,13 +69,6 @@ def test_a_walk_is_followed(motion):
     lost = away(follow(fitted("off"), readings, poses)[-1], true[-1])
     assert np.median([away(one, at) for one, at in zip(found[-4:], true[-4:], strict=True)]) < 0.4 < lost
     assert found[-1].samples.weights.sum() == pytest.approx(1)
-
-
-def test_a_jump_is_found_again():
-    readings, poses, true = sequence(8, Slip(jump_mm=5), seed=3)
-    jump = int(np.abs(np.diff(true, axis=0)).sum(axis=1).argmax()) + 1
-    found = follow(fitted("auto"), readings, poses)
-    assert min(away(one, at) for one, at in zip(found[jump:], true[jump:], strict=True)) < 0.5
 
 
 def test_states_are_weighed_by_the_whole_covariance_of_a_press():

@@ -152,10 +152,10 @@ def test_a_cell_that_is_split_is_worth_the_mean_of_its_halves():
 )
 def test_skipping_changes_no_answer(small, options):
     lazy, full = fitted(small, **options), fitted(small, **options, skip=False)
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
-        trial = draw_trial(small, LETTERS[seed % 3], 10, rng)
-        other = draw_trial(small, LETTERS[(seed + 1) % 3], 6, rng)  # which contradicts the first
+        trial = draw_trial(small, LETTERS[seed], 10, rng)
+        other = draw_trial(small, LETTERS[seed + 1], 6, rng)  # which contradicts the first
         for filter in (lazy, full):
             filter.reset(rng)
         for reading, pose in (*zip(*trial[:2], strict=True), *zip(*other[:2], strict=True)):
@@ -245,7 +245,7 @@ def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty
     estimator = fitted(small, bins=2000)
     unlike = make_scan("T", poses=paper_poses(positions=4, angles=12))
     unexplained = {"E": [], "T": []}
-    for seed in range(6):
+    for seed in range(3):
         for letter, scan in (("E", small), ("T", unlike)):
             readings, poses, _ = draw_trial(scan, letter, 12, np.random.default_rng(seed))
             known = updated(estimator, readings, poses).estimate()
@@ -257,4 +257,4 @@ def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty
             assert known.label == LETTERS[mass.argmax()]
     assert np.median(unexplained["E"]) == 0
     assert min(unexplained["T"]) > 10
-    assert estimator.work["badly_explained"] >= 6
+    assert estimator.work["badly_explained"] >= 3

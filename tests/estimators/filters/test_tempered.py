@@ -58,8 +58,8 @@ def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan)
 
 def test_skipping_changes_no_answer(scan):
     quick, full = fitted(scan, particles=900), fitted(scan, particles=900, skip=False)
-    for seed in range(6):
-        letter = LETTERS[seed % 3]
+    for seed in range(3):
+        letter = LETTERS[seed]
         trial = draw_trial(scan, letter, 12, np.random.default_rng(seed))
         for one, other in zip(estimates(quick, trial, seed), estimates(full, trial, seed), strict=True):
             assert one.label == other.label
