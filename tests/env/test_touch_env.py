@@ -8,7 +8,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -315,3 +315,13 @@ def test_without_gymnasium_one_line_names_the_extra():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.splitlines()[-1].endswith("pip install 'tactsim[env]'")
     assert done.returncode == 1
+
+
+def test_a_closed_environment_says_so():
+    env = make()
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    for call in (env.reset, lambda: env.step(env.touch(POSES[0]))):
+        with pytest.raises(ClosedEnvironmentError):
+            call()

@@ -353,6 +353,25 @@ def test_hostile_arrays_in_a_scan_are_refused(kind, small_scan, tmp_path, monkey
     assert not Path("harmed").exists()
 
 
+@pytest.mark.parametrize("meta", ["{", "[]", '{"a": [1e999]}', "[" * 100_000])
+def test_a_scan_whose_meta_is_no_json_object_is_refused(meta, small_scan, tmp_path):
+    small_scan.save(tmp_path / "good.npz")
+    with np.load(tmp_path / "good.npz") as arrays:
+        np.savez(tmp_path / "bad.npz", **(dict(arrays) | {"meta": np.array(meta)}))
+    with pytest.raises(InputError, match=r"bad\.npz") as caught:
+        read_scan(tmp_path / "bad.npz")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scan_that_claims_to_be_encrypted_is_refused(small_scan, tmp_path):
+    small_scan.save(tmp_path / "a.npz")
+    content = bytearray((tmp_path / "a.npz").read_bytes())
+    content[content.index(b"PK\x01\x02") + 8] |= 1  # of the first member
+    (tmp_path / "a.npz").write_bytes(content)
+    with pytest.raises(InputError, match="encrypted"):
+        read_scan(tmp_path / "a.npz")
+
+
 def test_a_scan_without_one_of_its_arrays_is_refused_by_its_name(small_scan, tmp_path):
     small_scan.save(tmp_path / "good.npz")
     with np.load(tmp_path / "good.npz") as arrays:

@@ -1,5 +1,6 @@
 """The one file of a method and task: it travels to the bit, and what is damaged or hostile is refused in one line."""
 
+import io
 import json
 import zipfile
 from dataclasses import fields, replace
@@ -228,3 +229,25 @@ def test_a_run_of_a_bundle_is_saved_as_any_run(good, tmp_path):
     again = Run.load(tmp_path / "seed-1")
     assert same(again.trials, run.trials)
     assert again.summary == run.summary
+
+
+def members_of_old():
+    with zipfile.ZipFile(OLD) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seed-1/trials.csv": b"truth\n"}, "it was edited: seed-1/trials.csv is not what the checksum"),
+        ({"seed-1/run.json": None}, "'seed-1/run.json' is missing"),
+    ],
+)
+def test_a_damaged_bundle_of_version_0_1_is_refused_in_one_line(changes, said, tmp_path):
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for name, member in (members_of_old() | changes).items():
+            if member is not None:
+                archive.writestr(name, member)
+    (tmp_path / "bad.zip").write_bytes(content.getvalue())
+    assert said in refusal(tmp_path / "bad.zip")
