@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
+from tactsim.bench.placement import Properties, fold_angle, placement_error, properties
 from tactsim.core import InputError, Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
-from tactsim.core.poses import FloatArray, compose, invert
+from tactsim.core.poses import FloatArray, compose, invert, transform
 
 ANGLES = 36
 VIEWS = 3  # of an object, at most
@@ -57,7 +58,8 @@ def align(
     begin in the middle of what was felt. progress(done, total) counts objects.
 
     withheld: the poses are known, and not looked at, to see what is found without them. Each view is brought to the
-    frame of the true ones, which no press tells; test poses, and what the scan says of poses, stay.
+    frame of the true ones, which no press tells, by the rigid motion that fits best; test poses, and what the scan says
+    of poses, stay.
 
     Raises InputError if poses are known and not withheld, or the other way round, for idle frames, objects with fewer
     than two training presses, two objects with a press in common, and a press that fits nowhere.
@@ -75,6 +77,7 @@ def align(
         )
     rise = np.clip(find_idle(train.readings).rise(train.readings), 0, None)
     _check_presses(train, rise)
+    objects = properties(scan) if withheld else {}
     found: dict[str, Alignment] = {}
     poses, views = scan.poses.copy(), np.zeros(len(scan), dtype=np.int64)
     for number, label in enumerate(train.letters):
@@ -87,7 +90,7 @@ def align(
                 f"others by {found[label].resemblance[poor]:.2f} of 1; was another object pressed? Leave it out"
             )
         if withheld:
-            found[label] = _in_frame_of(found[label], scan.poses[own])
+            found[label] = _in_frame_of(found[label], scan.poses[own], objects[label])
         poses[own], views[own] = found[label].poses, found[label].views
         if progress is not None:
             progress(number + 1, len(train.letters))
@@ -151,15 +154,34 @@ def align_presses(rise: FloatArray, taxel_xy: FloatArray) -> Alignment:
     return Alignment(presses.poses(lies), views, np.where(alone, alike.max(axis=1), resemblance.max(axis=0)))
 
 
-def _in_frame_of(found: Alignment, true: FloatArray) -> Alignment:
-    """Bring the poses of each view to the frame of true ones (n, 3): by the press that brings most others nearest."""
+def _in_frame_of(found: Alignment, true: FloatArray, of: Properties) -> Alignment:
+    """Bring the poses of each view to the frame of true ones (n, 3), by the rigid motion that fits best.
+
+    It begins with the press that brings most others nearest. Then it is that of the least mean square of the placement
+    error of the half that lies nearest, so that presses that lie elsewhere have no say. The error's parts, how far the
+    object's centre is off and how far it is turned but for its symmetry, are least each by itself.
+    """
     poses = found.poses.copy()
     for view in range(found.views.max() + 1):
         own = np.flatnonzero(found.views == view)
-        tried = [compose(compose(true[k], invert(poses[k])), poses[own]) for k in own]
-        off = [np.median(np.hypot(*(one - true[own])[:, :2].T)) for one in tried]
-        poses[own] = tried[int(np.argmin(off))]
+        lies, truly = poses[own], true[own]
+        centre = np.column_stack([transform(invert(truly), np.array([of.centre]))[:, 0], np.zeros(len(own))])
+        seen, turns = compose(lies, centre)[:, :2], truly[:, 2] - lies[:, 2]
+        tried = [_motion(turn, place, of) for turn, place in zip(turns, seen, strict=True)]
+        off = np.array([placement_error(compose(motion, lies), truly, of) for motion in tried])
+        best = int(np.median(off, axis=1).argmin())
+        motion, nearest = tried[best], off[best].argsort()[: (len(own) + 1) // 2]
+        for _ in range(_PASSES):
+            turn = motion[2] + fold_angle(turns[nearest] - motion[2], of.symmetry).mean()
+            motion = _motion(turn, seen[nearest].mean(axis=0), of)
+            nearest = placement_error(compose(motion, lies), truly, of).argsort()[: len(nearest)]
+        poses[own] = compose(motion, lies)
     return replace(found, poses=poses)
+
+
+def _motion(turn: float, place: FloatArray, of: Properties) -> FloatArray:
+    """Make the rigid motion (3,) that turns by `turn` rad and brings `place` (2,) mm to the object's centre."""
+    return np.append(of.centre - transform([0, 0, turn], place[None])[0], turn)
 
 
 def _begin(alike: FloatArray) -> list[int]:

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import refused
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import tactsim
-from tactsim.bench.pad.alignment import align
+from tactsim.bench.pad.alignment import Alignment, _in_frame_of, align
+from tactsim.bench.placement import Properties, placement_error
 from tactsim.core import InputError, Pad, Scan, compose, invert, wrap_angle
 
 PAD = Pad(
@@ -100,6 +103,50 @@ def test_withheld_poses_are_found_and_stay_in_the_frame_of_the_true_ones():
     assert np.hypot(*(made.poses - scan.poses)[train, :2].T).max() < 4
     assert np.array_equal(made.poses[~train], scan.poses[~train])
     assert made.meta.get("poses") != "unknown"
+
+
+@settings(max_examples=50)
+@given(st.sampled_from([0, 1, 2, 5]), st.integers(0, 2**32 - 1))
+def test_what_a_rigid_motion_and_the_symmetry_leave_open_is_found_and_presses_that_lie_elsewhere_have_no_say(
+    symmetry, seed
+):
+    rng = np.random.default_rng(seed)
+    of = Properties(symmetry, tuple(rng.uniform(-5, 5, 2)), 80.0)
+
+    def drawn(count):
+        return np.column_stack([rng.uniform(-15, 15, (count, 2)), rng.uniform(-np.pi, np.pi, count)])
+
+    def spun(poses, turns):
+        """Turn poses on the object about its centre by `turns` (n,) rad."""
+        about = np.column_stack([np.tile(of.centre, (len(poses), 1)), turns])
+        return compose(about, compose(invert([*of.centre, 0.0]), poses))
+
+    true, views = drawn(20), np.arange(20) % 2
+    turns = rng.uniform(-np.pi, np.pi, 20) if symmetry == 0 else 2 * np.pi / symmetry * rng.integers(0, 9, 20)
+    lies, motions = spun(true, turns), drawn(2)
+    wrong = np.arange(20) < 6  # three of each view
+    lies[wrong] = drawn(6)
+    found = _in_frame_of(Alignment(compose(motions[views], lies), views, np.ones(20)), true, of)
+    assert placement_error(found.poses, true, of)[~wrong] == pytest.approx(0, abs=1e-5)
+    between = compose(invert(found.poses[views == 0][0]), found.poses[views == 0])
+    assert between == pytest.approx(compose(invert(lies[0]), lies[views == 0]), abs=1e-9)  # moved as one
+
+
+def test_no_small_motion_brings_a_view_nearer_to_the_true_frame():
+    rng = np.random.default_rng(0)
+    of = Properties(1, (2.0, -3.0), 80.0)
+    true = np.column_stack([rng.uniform(-10, 10, (9, 2)), rng.uniform(-np.pi, np.pi, 9)])
+    loose = compose(true, rng.normal(0, [1.0, 1.0, 0.1], (9, 3)))
+    found = _in_frame_of(Alignment(compose([30.0, 7.0, 2.0], loose), np.zeros(9, np.int64), np.ones(9)), true, of)
+    half = np.argsort(placement_error(found.poses, true, of))[:5]
+
+    def squares(turn, x, y):
+        about = compose([*of.centre, 0.0], compose([x, y, turn], invert([*of.centre, 0.0])))
+        return (placement_error(compose(about, found.poses), true, of)[half] ** 2).sum()
+
+    least = squares(0.0, 0.0, 0.0)
+    for step in ([0, 0.05, 0], [0, -0.05, 0], [0, 0, 0.05], [0, 0, -0.05], [0.02, 0, 0], [-0.02, 0, 0]):
+        assert squares(*step) > least
 
 
 def changed(row, reading):
