@@ -137,7 +137,9 @@ def test_no_small_motion_brings_a_view_nearer_to_the_true_frame():
     of = Properties(1, (2.0, -3.0), 80.0)
     true = np.column_stack([rng.uniform(-10, 10, (9, 2)), rng.uniform(-np.pi, np.pi, 9)])
     loose = compose(true, rng.normal(0, [1.0, 1.0, 0.1], (9, 3)))
-    found = _in_frame_of(Alignment(compose([30.0, 7.0, 2.0], loose), np.zeros(9, np.int64), np.ones(9)), true, of)
+    found = _in_frame_of(
+        Alignment(compose([30.0, 7.0, 2.0], loose), np.zeros(9, np.int64), np.ones(9)), true, of
+    )
     half = np.argsort(placement_error(found.poses, true, of))[:5]
 
     def squares(turn, x, y):
