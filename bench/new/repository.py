@@ -10,6 +10,8 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
+from jinja2 import Environment
+
 from tactsim.bench.places import check_new_folder
 from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
@@ -17,7 +19,19 @@ from tactsim.core.files import new_folder
 
 KINDS = ("estimator", "task", "source")
 _LONGEST = 40  # characters of a name: it is part of lines of code
-_SHARED = {"LICENSE": "shared/LICENSE.txt", ".gitignore": "shared/gitignore.txt"}
+_SHARED = {
+    "LICENSE": "shared/LICENSE.txt",
+    ".gitignore": "shared/gitignore.txt",
+    "pyproject.toml": "shared/pyproject.toml.txt",
+    ".github/workflows/test.yml": "shared/workflow.yml.txt",
+}
+# A line of a template that begins with #% is a statement of Jinja2, such as `if kind == "task"`.
+_TEMPLATES = Environment(
+    line_statement_prefix="#%",
+    variable_start_string="<<",  # a workflow has braces of its own
+    variable_end_string=">>",
+    keep_trailing_newline=True,
+)
 
 _LISTED = {"estimator": "`bench list`", "task": "`bench tasks`", "source": "`bench devices`"}
 
@@ -26,11 +40,9 @@ FILES: Mapping[str, Mapping[str, str]] = {
     "estimator": _SHARED
     | {
         "README.md": "estimator/README.md.txt",
-        "pyproject.toml": "estimator/pyproject.toml.txt",
         "src/your_name/__init__.py": "estimator/__init__.py.txt",
         "src/your_name/estimator.py": "estimator/estimator.py.txt",
         "tests/test_your_name.py": "estimator/test_estimator.py.txt",
-        ".github/workflows/test.yml": "estimator/workflow.yml.txt",
     },
     "task": _SHARED
     | {
@@ -39,18 +51,15 @@ FILES: Mapping[str, Mapping[str, str]] = {
         "requirements.txt": "task/requirements.txt.txt",
         "your-name-v1.toml": "task/task.toml.txt",
         "tests/test_your_name.py": "task/test_task.py.txt",
-        ".github/workflows/test.yml": "task/workflow.yml.txt",
     },
     "source": _SHARED
     | {
         "README.md": "source/README.md.txt",
-        "pyproject.toml": "source/pyproject.toml.txt",
         "pad.toml": "source/pad.toml.txt",
         "touches.csv": "source/touches.csv.txt",
         "src/your_name/__init__.py": "source/__init__.py.txt",
         "src/your_name/source.py": "source/source.py.txt",
         "tests/test_your_name.py": "source/test_source.py.txt",
-        ".github/workflows/test.yml": "source/workflow.yml.txt",
     },
 }
 
@@ -80,7 +89,9 @@ def contents(kind: str, name: str) -> dict[str, str]:
     """Give the text of every file of a repository, by its path in it."""
     here = files("tactsim.bench.new")
     return {
-        _named(path, name): _named((here / source).read_text(encoding="utf-8"), name)
+        _named(path, name): _named(
+            _TEMPLATES.from_string((here / source).read_text(encoding="utf-8")).render(kind=kind), name
+        )
         for path, source in FILES[kind].items()
     }
 
