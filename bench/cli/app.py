@@ -6,10 +6,10 @@ import errno
 import re
 import select
 import sys
-import traceback
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -21,43 +21,7 @@ from tactsim.core.errors import InputError, printable, short, unknown, was_inter
 
 FAILED, WRONG_INPUT = 1, 2
 
-# Each verb with what `bench --help` says of it, the first line of its docstring: importing all verbs would take
-# longer than saying it.
-VERBS = {
-    "run": "Press the letters, learn their maps, recognise them in random places and score every reading.",
-    "scan": "Press the letters at 192 poses, twice (training and test), and write the readings.",
-    "sweep": "Do many runs; a sweep that was stopped goes on where it was when it is started again.",
-    "report": "Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG.",
-    "table": "Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled.",
-    "export": "Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5.",
-    "import": "Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of presses in a CSV.",
-    "data": "List public recordings of real pads, or `get` one: download, check and import it as a scan.",
-    "align": "Find how presses lie of which nobody noted the poses, by laying those of each object over each other.",
-    "fit": "Choose what depends on a pad's unit, pitch and response from training readings alone, and say why.",
-    "bound": "Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading.",
-    "compare": "Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval.",
-    "submit": "Do all runs of a task with a method, and write one file that others can check; exit status 1 without a "
-    "score.",
-    "verify": "Do some trials of a bundle again and compare them; exit status 1 if it cannot be confirmed.",
-    "leaderboard": "Rank the methods of a folder of bundles, task by task, and write a site of static pages.",
-    "list": "List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan.",
-    "tasks": "List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data.",
-    "stress": "Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails.",
-    "devices": "List ports, sources of readings, codecs and device files, each with its status.",
-    "probe": "Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did.",
-    "watch": "Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare.",
-    "live": "Recognise what is pressed, touch by touch; says which letter, where, and where to press next.",
-    "tare": "Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it.",
-    "template": "Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan.",
-    "record": "Record a pad: with --letter a guided session that makes a scan, else all it says.",
-    "replay": "Read recordings again, bit for bit: show what they hold, make a scan or a table of them.",
-    "emulate": "Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan.",
-    "new": "Make a repository of your own for an estimator, a task or a source, with its tests and its workflow.",
-    "validate": "Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition.",
-}
-
-
-# The same verbs, as `bench --help` groups them.
+# All verbs, as `bench --help` groups them.
 GROUPS = {
     "Recognise": ("run", "scan", "sweep", "report", "table", "compare", "bound", "fit"),
     "Data": ("export", "import", "data", "align"),
@@ -67,6 +31,18 @@ GROUPS = {
     ),
     "Look up and extend": ("list", "new", "stress"),
 }  # fmt: skip
+
+
+def _said_of(verb: str) -> str:
+    """Read from a verb's file the first line of its docstring: importing all verbs would take longer."""
+    text = Path(__file__).with_name(f"cmd_{verb}.py").read_text(encoding="utf-8")
+    return (
+        text.partition("\ndef command(")[2].partition('\n    """')[2].partition("\n")[0].removesuffix('"""')
+    )
+
+
+# Each verb with what `bench --help` says of it.
+VERBS = {verb: _said_of(verb) for verbs in GROUPS.values() for verb in verbs}
 
 
 class _Carried(Exception):
@@ -172,9 +148,9 @@ def run_app() -> NoReturn:
         sys.stderr.close()  # as in `bench list | head`, which stops reading
         sys.exit(FAILED)
     except OSError as error:
-        if error.errno != errno.ENOSPC or not _of_printing(error):
+        if error.errno != errno.ENOSPC:
             raise
-        fail("cannot write to standard output: the disk is full")
+        fail(f"cannot write {error.filename or 'to standard output'}: the disk is full")
     if status == INTERRUPTED:
         end_interrupted()
     sys.exit(status if isinstance(status, int) else 0)
@@ -192,13 +168,6 @@ def _nobody_reads() -> bool:
         with suppress(OSError, ValueError):  # it is no file, or closed
             watched.register(stream.fileno(), 0)
     return any(found & (select.POLLERR | select.POLLHUP) for _, found in watched.poll(0))
-
-
-def _of_printing(error: BaseException) -> bool:
-    """Tell whether an error was raised where words are printed."""
-    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-    name = str(frame.f_globals.get("__name__"))
-    return name.partition(".")[0] in ("rich", "typer") or name.startswith("tactsim.bench.")
 
 
 def _in_plain_words(error: TyperException) -> str:

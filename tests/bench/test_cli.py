@@ -15,7 +15,7 @@ from command_line import BENCH, Bench, refused
 
 from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
-from tactsim.bench.cli.app import GROUPS, VERBS, load
+from tactsim.bench.cli.app import VERBS, load
 from tactsim.bench.experiment import perform
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
@@ -310,10 +310,6 @@ def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     assert "interrupted" in errors
     assert "Traceback" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
-
-
-def test_every_verb_is_in_one_group_of_the_help():
-    assert sorted(verb for verbs in GROUPS.values() for verb in verbs) == sorted(VERBS)
 
 
 @pytest.mark.parametrize("verb", VERBS)
