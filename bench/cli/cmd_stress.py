@@ -48,7 +48,7 @@ def _print(outcomes: Sequence[Outcome]) -> None:
     table = plain_table("case", "varied", "deviation", "worst", "limit", "verdict", words=3)
     for outcome in outcomes:
         case = outcome.case
-        limit = f"{'>=' if case.at_least else '<='} {case.limit:g}"
+        limit = f"<= {case.limit:g}"
         table.add_row(case.name, case.varied, case.deviation, f"{outcome.worst:.2g}", limit, outcome.verdict)
     console.print(table)
     failed = [outcome for outcome in outcomes if not outcome.passed]

@@ -20,26 +20,20 @@ QUICK = "quick"
 class Worst:
     """Keep the worst value seen and where; a value that is not finite is the worst of all."""
 
-    def __init__(self, at_least: bool = False) -> None:
-        self._sign = -1.0 if at_least else 1.0
-        self._worst = -math.inf
+    def __init__(self) -> None:
+        self.value = -math.inf
         self.at = ""
         self.seen = 0
 
-    @property
-    def value(self) -> float:
-        """Give the worst value so far."""
-        return self._sign * self._worst
-
     def see(self, values: ArrayLike, at: str) -> None:
         """Note one value or an array of values, all measured `at` one setting."""
-        array = self._sign * np.asarray(values, dtype=float)
+        array = np.asarray(values, dtype=float)
         if not array.size:
             return
         worst = float(np.max(array)) if np.isfinite(array).all() else math.inf
         self.seen += array.size
-        if worst > self._worst:
-            self._worst, self.at = worst, at
+        if worst > self.value:
+            self.value, self.at = worst, at
 
     def holds(self, truth: bool | np.bool_, at: str) -> None:
         """Note a fact that must hold: a deviation of 0 if it does, of 1 if not."""
@@ -51,8 +45,8 @@ class Case:
     """One numerical stress case.
 
     name: topic and case, "maps.peak-near-one". varied: what is varied, and how far. deviation: what is
-    measured. limit: the largest deviation allowed, or with `at_least` the smallest. because: the reason for
-    the limit. measure(worst) does the work and tells `worst` each deviation. Any exception in it is a failure.
+    measured. limit: the largest deviation allowed. because: the reason for the limit. measure(worst) does the work and
+    tells `worst` each deviation. Any exception in it is a failure.
     """
 
     name: str
@@ -62,7 +56,6 @@ class Case:
     because: str
     measure: Callable[[Worst], None]
     quick: bool = False
-    at_least: bool = False
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -82,8 +75,6 @@ class Outcome:
     @property
     def passed(self) -> bool:
         """Tell whether the worst value keeps to the limit."""
-        if self.case.at_least:
-            return self.worst >= self.case.limit
         return self.worst <= self.case.limit
 
     @property
@@ -101,7 +92,7 @@ class Outcome:
             "worst": self.worst if math.isfinite(self.worst) else None,
             "at": self.at,
             "limit": self.case.limit,
-            "limit_is": "least" if self.case.at_least else "most",
+            "limit_is": "most",
             "because": self.case.because,
             "verdict": self.verdict,
             "seconds": self.seconds,
@@ -116,19 +107,18 @@ def case(
     limit: float,
     because: str,
     quick: bool = False,
-    at_least: bool = False,
 ) -> Callable[[Callable[[Worst], None]], Case]:
     """Make a `Case` of the function below; a module's cases are the Case objects in it."""
 
     def make(measure: Callable[[Worst], None]) -> Case:
-        return Case(name, varied, deviation, limit, because, measure, quick, at_least)
+        return Case(name, varied, deviation, limit, because, measure, quick)
 
     return make
 
 
 def run_case(chosen: Case) -> Outcome:
     """Do one case. A RuntimeWarning, such as NumPy's for an overflow, fails it as any exception does."""
-    worst = Worst(chosen.at_least)
+    worst = Worst()
     start = perf_counter()
     broken = ""
     try:
@@ -141,7 +131,7 @@ def run_case(chosen: Case) -> Outcome:
         broken = f"{type(error).__name__}: {error}"
     seconds = perf_counter() - start
     if broken:
-        return Outcome(chosen, -math.inf if chosen.at_least else math.inf, broken, seconds)
+        return Outcome(chosen, math.inf, broken, seconds)
     return Outcome(chosen, worst.value, worst.at, seconds)
 
 

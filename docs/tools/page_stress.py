@@ -39,8 +39,7 @@ def fill(text: str, outcomes: Sequence[Outcome]) -> str:
         case = one.case
         if not one.passed:
             raise InputError(f"the case {case.name} fails at {one.at}: see `bench stress --case {case.name}`")
-        limit = f"{'≥' if case.at_least else '≤'} {case.limit:g}"
-        rows.append([f"`{case.name}`", f"{one.worst:.2g}", limit])
+        rows.append([f"`{case.name}`", f"{one.worst:.2g}", f"≤ {case.limit:g}"])
     minutes = sum(one.seconds for one in outcomes) / 60
     known, on = versions(), machine()
     libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco']}"

@@ -38,15 +38,6 @@ def test_the_worst_is_kept_with_its_place():
     assert (outcome.worst, outcome.at) == (0.9, "at [0.2, 0.9]")
 
 
-def test_a_least_is_kept_where_more_is_better():
-    assert outcome_of([2.0, 1.9], at_least=True, limit=1.8).passed
-    outcome = outcome_of([2.0, 1.7, 1.9], at_least=True, limit=1.8)
-    assert not outcome.passed
-    assert (outcome.worst, outcome.at) == (1.7, "at 1.7")
-    for bad in (math.nan, math.inf):
-        assert not outcome_of([bad], at_least=True).passed
-
-
 def test_an_exception_or_a_warning_of_numpy_fails_the_case():
     def raises(worst):
         worst.see(0, "")
