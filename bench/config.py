@@ -34,24 +34,17 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
     """Parse `key=value` words; dots nest: `press.force=3` gives {"press": {"force": "3"}}.
 
     Values stay text, for the configuration's own types to read; `none` stands for None.
-    Raises InputError if a word has no `=`, or one name has two values or is both a value and a group.
+    Raises InputError if a word has no `=`, or one name has two values.
     """
     result: dict[str, Any] = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not (equals and key.strip()):
             raise InputError(f"{option} {pair!r}: write it as key=value")
-        *groups, last = key.strip().split(".")
-        inner = result
-        for group in groups:
-            inner = inner.setdefault(group, {})
-            if not isinstance(inner, dict):
-                raise InputError(f"{option} {pair!r}: {group!r} has a value already")
-        if isinstance(inner.get(last), dict):
-            raise InputError(f"{option} {pair!r}: {last!r} is a group of options")
-        if last in inner:
-            raise InputError(f"{option} {pair!r}: {key.strip()} is given twice")
-        inner[last] = None if value.strip().lower() == "none" else value.strip()
+        word = nested({key.strip(): None if value.strip().lower() == "none" else value.strip()})
+        if twice := _in_both(result, word):
+            raise InputError(f"{option} {pair!r}: {twice} is given twice")
+        result = merged(result, word)
     return result
 
 
@@ -90,6 +83,16 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
         inner = result.get(key)
         result[key] = (
             merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
+        )
+    return result
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Write nested values as one table, their names with dots."""
+    result: dict[str, Any] = {}
+    for name, value in values.items():
+        result |= (
+            flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
         )
     return result
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -49,6 +49,16 @@ def plain_table(*headings: str, words: int = 1) -> Table:
     table = Table(box=None, pad_edge=False)
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="left" if number < words else "right", overflow="fold")
+    return table
+
+
+def plain_grid(rows: Sequence[Sequence[str]], *, names: bool = True) -> Table:
+    """Lay out rows of one length without heads. names: whether the first column holds names, which are not broken."""
+    table = Table.grid(padding=(0, 2))
+    for number, _ in enumerate(rows[0] if rows else ()):
+        table.add_column(overflow="fold", no_wrap=names and number == 0)
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

@@ -339,7 +339,6 @@ def run_trial(
     press: Press | None = None,
     slip: Slip = STILL,
     observe: Callable[[Estimate, Touch], None] | None = None,
-    clock: Callable[[], float] = process_time,
 ) -> Trials:
     """Recognise one hidden object: present `readings` readings of it, estimate after each.
 
@@ -348,9 +347,8 @@ def run_trial(
     Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
     They are the test readings, or those of `press`: in the robot's frame, or around a solid. slip: how
     the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
-    pose at that touch. observe(estimate, touch) is called after each touch, and its time does not count. clock: gives
-    the seconds that times are differences of. It is this process's processor time, so that other programs on the
-    machine do not count either, unless the estimator works in another process.
+    pose at that touch. observe(estimate, touch) is called after each touch, and its time does not count. Times are
+    of this process's processor time, so that other programs on the machine do not count.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
     that are left do not come to rest.
@@ -388,17 +386,16 @@ def run_trial(
                 )
             chosen = 0
             if explore == "information":
-                start = clock()
-                chosen = estimator.propose(candidates)
-                propose_s[k] += clock() - start
-                _check_proposal(chosen, len(candidates), estimator)
+                start = process_time()
+                chosen = proposed(estimator, candidates)
+                propose_s[k] += process_time() - start
             touch = touches.take(chosen, true_pose[k])
         taken.append(touch)
-        start = clock()
+        start = process_time()
         estimator.update(touch.reading, touch.sensor_in_robot)
-        updated = clock()
+        updated = process_time()
         estimate = estimator.estimate()
-        numbers["estimate_s"][k] = clock() - updated
+        numbers["estimate_s"][k] = process_time() - updated
         numbers["update_s"][k] = updated - start
         check_estimate(estimate, estimator, (*letters, NONE))
         label.append(estimate.label)
@@ -423,11 +420,17 @@ def run_trial(
     return SpaceTrials(**columns, start=starts, met=met)
 
 
-def _check_proposal(chosen: object, count: int, estimator: Estimator) -> None:
-    if not (isinstance(chosen, int | np.integer) and 0 <= chosen < count):
+def proposed(estimator: Estimator, candidates: FloatArray) -> int:
+    """Let an estimator choose among touches sensor_in_robot (n, 3 or 7): its index.
+
+    Raises InputError that names the estimator if it proposes no touches, or something that is none of them.
+    """
+    chosen = estimator.propose(candidates)
+    if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(candidates)):
         raise InputError(
-            f"the estimator {type(estimator).__name__} is broken: it proposed {short(chosen)} of {count}"
+            f"the estimator {type(estimator).__name__} is broken: it proposed {short(chosen)} of {len(candidates)}"
         )
+    return int(chosen)
 
 
 def _evaluations(estimator: Estimator) -> int:

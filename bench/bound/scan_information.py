@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +22,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.scan import Scan
 from tactsim.core.seeds import stream
 from tactsim.core.source_digest import source_digest
-from tactsim.core.workers import worker_processes
+from tactsim.core.workers import process_map
 from tactsim.models import Letter
 from tactsim.press import ScanOptions
 from tactsim.press import cache as cached
@@ -120,7 +119,7 @@ def scan_information(
         for first in range(0, len(poses[name]), _CHUNK)
     ]
     parts: dict[str, list[FloatArray]] = {name: [] for name in letters if name not in found}
-    with _mapping(min(jobs, len(tasks))) as mapped:
+    with process_map(min(jobs, len(tasks))) as mapped:
         results = mapped(_of_poses, tasks)
         for number, (task, result) in enumerate(zip(tasks, results, strict=True), start=1):
             parts[task[0]].append(result)
@@ -135,16 +134,6 @@ def scan_information(
         {name: found[name][1] for name in letters},
         properties(scan),
     )
-
-
-@contextmanager
-def _mapping(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
-    """Give a `map` that keeps the order of its results, over processes if there are several."""
-    if workers < 2:
-        yield map
-        return
-    with worker_processes(workers) as executor:
-        yield executor.map
 
 
 def _of_poses(task: tuple[str, Letter, FloatArray, ScanOptions]) -> FloatArray:

@@ -34,9 +34,7 @@ def command(
     ] = None,
 ) -> None:
     """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""
-    from rich.table import Table
-
-    from tactsim.bench.console import plain_console
+    from tactsim.bench.console import plain_console, plain_grid
     from tactsim.core.errors import InputError, unknown
 
     sections: dict[str, Callable[[], list[Row]]] = {
@@ -65,15 +63,9 @@ def command(
             console.print(section, style="bold", end=" " if section in _MORE and not name else "\n")
             if section in _MORE and not name:
                 console.print(f"({_MORE[section]})")
-            table = Table.grid(padding=(0, 2))
-            for column in range(3):
-                # A name in two pieces cannot be copied; the letters are one long row.
-                table.add_column(
-                    overflow="fold", no_wrap=column == 0 and section not in ("letters", "solids")
-                )
-            for row in lines:
-                table.add_row(*("  " + row[0], *row[1:]))
-            console.print(table)
+            # A name in two pieces cannot be copied; the letters are one long row.
+            names = section not in ("letters", "solids")
+            console.print(plain_grid([("  " + row[0], *row[1:]) for row in lines], names=names))
 
 
 def _estimators() -> list[Row]:

@@ -77,17 +77,14 @@ def _content(one: Task, best: Best | None) -> dict[str, Any]:
 
 
 def _print_list(found: list[Task], best: dict[str, Best]) -> None:
-    from rich.table import Table
+    from tactsim.bench.console import plain_console, plain_grid
 
-    from tactsim.bench.console import plain_console
-
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for one in found:
-        table.add_row(one.name, one.line)
-        table.add_row("", f"{_size(one)}; best {_best(best.get(one.name))}")
-    plain_console().print(table)
+    rows = [
+        row
+        for one in found
+        for row in ((one.name, one.line), ("", f"{_size(one)}; best {_best(best.get(one.name))}"))
+    ]
+    plain_console().print(plain_grid(rows))
 
 
 def _size(one: Task) -> str:
@@ -102,9 +99,7 @@ def _best(best: Best | None) -> str:
 
 
 def _print_whole(one: Task, best: Best | None) -> None:
-    from rich.table import Table
-
-    from tactsim.bench.console import plain_console
+    from tactsim.bench.console import plain_console, plain_grid
 
     held_out = one.held_out
     rows = [
@@ -119,12 +114,7 @@ def _print_whole(one: Task, best: Best | None) -> None:
         ("best", _best(best)),
         ("data", one.data or "not stated"),
     ]
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    plain_console().print(table)
+    plain_console().print(plain_grid(rows))
 
 
 def _print_hashes(one: Task, hashes: list[str]) -> None:

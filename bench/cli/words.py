@@ -11,7 +11,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import flag_of, key_values
+from tactsim.bench.config import flag_of, flat, key_values
 from tactsim.core.errors import InputError
 
 Words = Mapping[str, Any]
@@ -81,10 +81,6 @@ def refuse_typed(context: typer.Context, names: Iterable[str], why: str) -> None
             raise InputError(f"--{name.replace('_', '-')} {why}")
 
 
-def dotted(values: Mapping[str, Any], prefix: str = "") -> list[str]:
+def dotted(values: Mapping[str, Any]) -> list[str]:
     """Write nested settings as dotted name=value words."""
-    words = []
-    for name, value in values.items():
-        path = f"{prefix}{name}"
-        words += dotted(value, f"{path}.") if isinstance(value, Mapping) else [f"{path}={value}"]
-    return words
+    return [f"{name}={value}" for name, value in flat(values).items()]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 from pydantic import BaseModel
 
 from tactsim.bench.config import merged
-from tactsim.core.checking import checked
 from tactsim.hardware.sensor_fit import SensorFit
 from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
 
@@ -50,22 +47,6 @@ def stated_world(options: ScanOptions, unit: str) -> dict[str, Any]:
     if options.press.wrist_stiffness is None:
         stated["press"]["wrist_stiffness"] = "rigid"
     return _without_none(stated)
-
-
-def check_world(options: ScanOptions, unit: str) -> None:
-    """Write the world of a simulation as TOML and read it back, before a long fit of which only numbers are added.
-
-    Raises InputError if it cannot be read back, RuntimeError if it is read as another world.
-    """
-    written = tomllib.loads(tomli_w.dumps(stated_world(options, unit)))
-    again = checked(ScanOptions, written, "world to be written")
-    if (again.pad, again.press, again.sensor, again.unit) != (
-        options.pad,
-        options.press,
-        options.sensor,
-        unit,
-    ):
-        raise RuntimeError(f"a world is read back as another one: {again!r}, not {options!r}")
 
 
 def clipped(options: ScanOptions, fit: SensorFit) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.pad.explained import Part, ablation, explained
-from tactsim.bench.pad.fitted_world import check_world, clipped, fitted_world
+from tactsim.bench.pad.fitted_world import clipped, fitted_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
 from tactsim.bench.pad.trained_elsewhere import drop, recognised
 from tactsim.bench.trials import Progress
@@ -106,7 +106,6 @@ def validate(
     single = recorded.where("train") if apart else recorded
     every = PressesAsRecorded(simulated, single)
     unit = str(recorded.meta.get("unit", "kPa"))
-    check_world(every.options, unit)
     check_presses(single, every(every.stated, every.level))
     copies = numbers_of_copies(single)
     averaged = means(single, copies)

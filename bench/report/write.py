@@ -21,7 +21,7 @@ from tactsim.bench.runs.pooled import Group, collect
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
-from tactsim.core.files import opened, write_text
+from tactsim.core.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -135,10 +135,10 @@ def _pictures(groups: Sequence[Group]) -> Sequence[tuple[list[str], Callable[[Gr
 def _check_beside(out: Path, prefix: str, pictures: Sequence[Sequence[str]]) -> None:
     """Raise InputError if a file stands where one of a report would be, and no report stands there.
 
-    pictures: names of files. A report that was killed has its curves, whose columns are known, and no page yet.
+    pictures: names of files.
     """
     check_page(out)
-    if is_report(out) or _has_columns(out.with_name(f"{prefix}readings.csv"), COLUMNS["readings"]):
+    if is_report(out):
         return
     names = [f"{name}.csv" for name in COLUMNS]
     names += [*(name for of_one in pictures for name in of_one), *(f"press.{kind}" for kind in _KINDS)]
@@ -147,12 +147,3 @@ def _check_beside(out: Path, prefix: str, pictures: Sequence[Sequence[str]]) -> 
             raise InputError(
                 f"{place} is of no report and would be replaced; move it, or name another page, which names the rest"
             )
-
-
-def _has_columns(path: Path, columns: Sequence[str]) -> bool:
-    """Tell whether a table with these columns stands at `path`."""
-    if not path.is_file():
-        return False
-    title = f"{','.join(columns)}\n".encode()
-    with opened(path) as stream:
-        return stream.read(len(title)) == title

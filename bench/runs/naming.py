@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from tactsim.bench.config import flat
 from tactsim.bench.results import Run
 from tactsim.press import WORLDS, ScanOptions
 
@@ -56,8 +57,8 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):
-        standard = _flat(_standard(run).model_dump(mode="json"))
-        other |= _differing(_flat(run.about["scan"].get("options", {})), standard)
+        standard = flat(_standard(run).model_dump(mode="json"))
+        other |= _differing(flat(run.about["scan"].get("options", {})), standard)
         if other.get("shapes"):
             other["shapes"] = _in_folder(other["shapes"])
             other = {name: value for name, value in other.items() if name != "letters" or value}
@@ -67,7 +68,7 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
         other["letters"] = config["letters"]
     words = [run.about["slip"]] if run.about.get("slip") else []
     for world, values in WORLDS.items():
-        settings = _flat(values)
+        settings = flat(values)
         if settings and settings.items() <= other.items():
             words.append(world)
             other = {name: value for name, value in other.items() if name not in settings}
@@ -92,13 +93,6 @@ def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str
     return {
         name: value for name, value in mine.items() if name != "test_poses" and value != standard.get(name)
     }
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in values.items():
-        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return flat
 
 
 def _in_folder(paths: Sequence[str]) -> str:

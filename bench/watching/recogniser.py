@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.bench.trials import fit
+from tactsim.bench.trials import fit, proposed
 from tactsim.core import InputError, Scan, compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator
@@ -119,12 +119,7 @@ class Recogniser:
         Raises InputError if the estimator proposes no touches, or something that is none of them.
         """
         with no_exit(self._estimator):
-            chosen = self._estimator.propose(candidates)
-        if not (isinstance(chosen, int | np.integer) and 0 <= chosen < len(candidates)):
-            raise InputError(
-                f"the estimator {type(self._estimator).__name__} is broken: it proposed {chosen!r}"
-            )
-        return int(chosen)
+            return proposed(self._estimator, candidates)
 
     def _update(self, touch: Touch) -> None:
         with no_exit(self._estimator):

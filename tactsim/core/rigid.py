@@ -38,22 +38,6 @@ def checked_poses(given: ArrayLike, what: str) -> FloatArray:
     return np.concatenate([poses[..., :3], poses[..., 3:] / length[..., None]], axis=-1)
 
 
-def checked_rotations(given: ArrayLike, what: str) -> FloatArray:
-    """Read rotation matrices (..., 3, 3).
-
-    Raises InputError, naming `what`, if one is not finite, is no rotation or mirrors.
-    """
-    matrices = finite(given, what)
-    if matrices.ndim < 2 or matrices.shape[-2:] != (3, 3):
-        raise InputError(f"{what} has shape {matrices.shape}; a rotation is a 3 x 3 matrix")
-    product = np.swapaxes(matrices, -1, -2) @ matrices
-    if np.abs(product - np.eye(3)).max(initial=0) > _ROUND_OFF or (np.linalg.det(matrices) < 0).any():
-        raise InputError(
-            f"{what} is no rotation: its columns are three right-handed unit vectors at right angles"
-        )
-    return matrices
-
-
 def multiply(left: ArrayLike, right: ArrayLike) -> FloatArray:
     """Multiply quaternions (..., 4), so that the product turns by `right` first."""
     a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)

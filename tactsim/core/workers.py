@@ -47,6 +47,16 @@ def worker_processes(count: int) -> Iterator[Executor]:
             raise
 
 
+@contextmanager
+def process_map(count: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Give a `map` that keeps the order of its results, over `count` processes if these are several."""
+    if count < 2:
+        yield map
+        return
+    with worker_processes(count) as executor:
+        yield executor.map
+
+
 def batches(tasks: Sequence[T], jobs: int) -> list[list[T]]:
     """Divide tasks evenly, in their order, into so many batches that no process waits long for the last of another."""
     count = min(len(tasks), _BATCHES * jobs)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import islice
@@ -20,7 +19,7 @@ from tactsim.core.poses import FloatArray, compose
 from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
-from tactsim.core.workers import worker_processes
+from tactsim.core.workers import process_map
 from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
@@ -229,7 +228,8 @@ def _ideal(
         for first in range(0, len(batch.touches), _CHUNK)
     ]
     pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
-    with _workers(jobs, len(tasks) * _CHUNK * _seconds_per_press(options)) as mapped:
+    worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
+    with process_map(min(jobs, worth)) as mapped:
         for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(piece)
             work.update(of_piece)
@@ -337,17 +337,6 @@ def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:
         "settle_time": {"median": float(np.median(settle_time)), "longest": float(settle_time.max())},
         "overshoot": max(float(course.overshoot.max()) for course in touching),
     }
-
-
-@contextmanager
-def _workers(jobs: int, seconds: float) -> Iterator[Callable[..., Iterator[Any]]]:
-    """Give a `map` that keeps the order of its results: over processes if the work is worth them."""
-    workers = min(jobs, int(seconds / WORTH_A_WORKER))
-    if workers < 2:
-        yield map
-        return
-    with worker_processes(workers) as executor:
-        yield executor.map
 
 
 def _seconds_per_press(options: ScanOptions) -> float:

@@ -95,9 +95,3 @@ def test_nearest_rotation_is_that_of_least_angle() -> None:
 def test_no_pose(given_pose: list[float], says: str) -> None:
     with pytest.raises(InputError, match=says):
         rigid.checked_poses(given_pose, "the hand's pose")
-
-
-@pytest.mark.parametrize("rotation", [np.zeros((3, 3)), np.diag([1.0, 1, -1]), 2 * np.eye(3), np.eye(2)])
-def test_no_rotation(rotation: np.ndarray) -> None:
-    with pytest.raises(InputError, match="rotation"):
-        rigid.checked_rotations(rotation, "the part's rotation")
