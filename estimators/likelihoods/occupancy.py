@@ -134,13 +134,17 @@ def log_odds_of(
 ) -> FloatArray:
     """Sum the log-odds that taxels add to the cells of a map (eq. 4 to 6): (rows, columns).
 
-    xy: (..., 2) mm. classes: (...). sigma, peak: as for `learn_maps`.
+    With p = p(m) that is log (p + (1-p) G') / (p (1-G')) in contact, and log (1-p) (1-G') / (1 - p + p G') without; an
+    Unknown taxel leaves p(m), hence adds nothing. xy: (..., 2) mm. classes: (...). sigma, peak: as for `learn_maps`.
     """
-    evidence = np.zeros(chart.log_odds.shape)
-    low, reach = np.rint(chart.origin / chart.cell), _reach(sigma, chart.prior)
-    for kind in (CONTACT, NO_CONTACT):
+    evidence, prior = np.zeros(chart.log_odds.shape), chart.prior
+    low, reach = np.rint(chart.origin / chart.cell), _reach(sigma, prior)
+    # Both are log (1 + above G') / (1 + below G').
+    for kind, above, below in (
+        (CONTACT, (1 - prior) / prior, -1.0),
+        (NO_CONTACT, -1.0, prior / (1 - prior)),
+    ):
         touched = xy[classes == kind] / chart.cell - low
-        above, below = _ratios(kind, chart.prior)
         stamp(evidence, touched, sigma / chart.cell, peak, reach / chart.cell, above, below)
     return evidence
 
@@ -153,24 +157,6 @@ def _reach(sigma: float, prior: float) -> float:
 def point_spread(squared_distance: ArrayLike, sigma: float, peak: float) -> FloatArray:
     """Give G' of eq. 4, at squared distances (mm^2) from a taxel's centre."""
     return peak * np.exp(-2 / sigma**2 * np.asarray(squared_distance))
-
-
-def taxel_log_odds(kind: int, g: FloatArray, prior: float) -> FloatArray:
-    """Give the log-odds that a taxel In Contact or without adds to a cell where G' is `g` (eq. 5, 6).
-
-    An Unknown taxel leaves p(m), hence adds nothing.
-    """
-    above, below = _ratios(kind, prior)
-    return np.asarray(np.log((1 + above * g) / (1 + below * g)))
-
-
-def _ratios(kind: int, prior: float) -> tuple[float, float]:
-    """Give a and b of log (1 + a G') / (1 + b G'), what a taxel adds to a cell.
-
-    Of eq. 5 and 6, with p = p(m): in contact, log (p + (1-p) G') / (p (1-G')); without contact,
-    log (1-p) (1-G') / (1 - p + p G').
-    """
-    return ((1 - prior) / prior, -1.0) if kind == CONTACT else (-1.0, prior / (1 - prior))
 
 
 def log_odds(probability: float) -> float:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
-from tactsim.estimators.space.away_kernels import squares_away
 from tactsim.estimators.space.moved_particles import evidence
-from tactsim.estimators.space.pose_modes import draw, find_modes
+from tactsim.estimators.space.pose_modes import draw, find_modes, squares_away
 
 BOX = 20.0  # mm
 TRUE = np.stack(
