@@ -292,7 +292,7 @@ def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]
         for row in reader:
             where = f"{path}, line {reader.line_num}"
             if any(word.strip() for word in row.pop(None, ())):
-                raise InputError(f"{where}: it has more columns than the title")
+                raise InputError(f"{where}: it has more columns than the title {short(lines[0])}")
             words = {name.strip(): word.strip() for name, word in row.items() if word is not None}
             rows.append((where, {name: word for name, word in words.items() if name}))
     except csv.Error as error:
