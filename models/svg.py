@@ -319,11 +319,11 @@ class _Reader:
             return replace(here, hazard="a clip path in units of a box")
         style = self._style(clip)
         inner = replace(here, style=style, alpha=1.0, hazard="", clones=(*here.clones, clip))
+        if style["clip-path"] != "none":
+            inner = self._clipped(inner)  # which a clip path's own transform does not move
         if style["transform"] != "none":
             matrix = _transform(style["transform"], style["transform-origin"], inner.view)
             inner = replace(inner, matrix=_joined(inner.matrix, matrix))
-        if style["clip-path"] != "none":
-            inner = self._clipped(inner)
         parts = [(child, inner) for child in clip if self._may_clip(child)]
         regions = list(self._walk(parts, self._clip_part))
         region = CrossSection.batch_boolean(regions, OpType.Add) if regions else CrossSection()

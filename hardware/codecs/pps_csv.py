@@ -107,7 +107,8 @@ def read_table(lines: Iterable[bytes]) -> Table:
     separator = next((mark for mark in ";\t" if mark in title), ",")
     filled = (text for text in texts if text.strip())
     samples = list(islice(filled, _STEPS))
-    head = [_numbers(text, separator) for text in samples]
+    commas = separator == ";" and any("," in text for text in samples)
+    head = [_numbers(text, separator, commas) for text in samples]
     first = next((row for row in head if row is not None), None)
     if first is None or len(first) < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
@@ -116,7 +117,7 @@ def read_table(lines: Iterable[bytes]) -> Table:
     begun = first[0] * tick if first[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | None]:
-        for row in chain(head, (_numbers(text, separator) for text in filled)):
+        for row in chain(head, (_numbers(text, separator, commas) for text in filled)):
             if row is None or len(row) != len(first):
                 yield None
             else:
@@ -125,15 +126,18 @@ def read_table(lines: Iterable[bytes]) -> Table:
     return Table(len(first) - 1, frames(), remark)
 
 
-def _numbers(text: str, separator: str) -> FloatArray | None:
-    """Read the numbers of a line; None if one is no finite number, or which point is decimal is unclear."""
+def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:
+    """Read the numbers of a line; None if one is no finite number, or which point is decimal is unclear.
+
+    commas: whether lines of this recording have decimal commas, so that a point may be one of thousands.
+    """
     try:
         (cells,) = csv.reader([text.strip()], delimiter=separator, skipinitialspace=True)
     except csv.Error:
         return None
     while cells and not cells[-1].strip():
         cells.pop()
-    if separator == ";" and "," in text:
+    if separator == ";" and (commas or "," in text):
         cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
     try:
         numbers = np.array([float(cell) for cell in cells])

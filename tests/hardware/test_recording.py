@@ -344,7 +344,9 @@ def test_why_a_csv_is_not_read_is_said(tmp_path, content, expected):
 
 def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):
     """1.234,5 and 1.234: thousands in one, perhaps a fraction in the other."""
-    (tmp_path / "a.csv").write_text("Time [ms];Elem0;Elem1\n0;1,5;2\n10;1.234,5;2\n20;1.234;2,5\n30;7;8\n")
+    (tmp_path / "a.csv").write_text(
+        "Time [ms];Elem0;Elem1\n0;1,5;2\n10;1.234,5;2\n20;1.234;2,5\n25;1.234;3\n30;7;8\n"
+    )
     source = CsvReplay(tmp_path / "a.csv", csv_device(2))
     assert [reading.pressures.tolist() for reading in source] == [[1.5, 2.0], [7.0, 8.0]]
 

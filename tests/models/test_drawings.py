@@ -138,6 +138,13 @@ SEEN = [
      12.5 * math.pi),
     ('<rect id="r" width="9" height="9"/><clipPath id="c"><use href="#r"/></clipPath><g clip-path="url(#c)"><rect '
      'width="20" height="20"/></g>', 81),
+    ('<clipPath id="a"><rect width="20" height="10"/></clipPath><clipPath id="b" clip-path="url(#a)" '
+     'transform="scale(2)"><rect width="5" height="10"/></clipPath><rect clip-path="url(#b)" width="28" height="28"/>',
+     100),
+    ('<clipPath id="c"><path clip-rule="evenodd" d="M2 2h14v14h-14zM7 7h4v5h-4z"/></clipPath><rect width="28" '
+     'height="28" clip-path="url(#c)"/>', 176),
+    ('<defs><svg id="s" width="9" height="9"><rect width="99" height="99"/></svg></defs><use href="#s"/>', 81),
+    ('<svg width="50%" height="50%" viewBox="0 0 30 30" overflow="visible"><path d="M4 2h6v18h10v6h-16z"/></svg>', 51),
     # what changes no outline
     (f'<clipPath id="c"><rect width="5" height="5"/></clipPath>{MASK}<filter id="f"/>{L}', 204),
     (f'<symbol id="s"><rect {RECT}/></symbol><text display="none">A</text>{L}', 204),
