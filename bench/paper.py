@@ -75,16 +75,19 @@ PRINTED = (
 
 
 def beside(run: Run) -> Printed | None:
-    """Give what the paper prints of a run's filter and budget, or else its best; None of other objects than its own."""
+    """Give what the paper prints of a run's filter and budget, or else its best.
+
+    None of other objects than its own, and of another protocol: results of two protocols say nothing of each other.
+    """
     if run.in_space or sorted(run.letters) != list(LETTERS) or run.config["hold_out"]:
         return None
-    return of_filter(run) or BEST
+    follows = "test poses same" in run.protocol and run.config["explore"] == "random"
+    return (of_filter(run) or BEST) if follows else None
 
 
 def in_figure(run: Run) -> Printed | None:
-    """Give what the paper prints of a run's filter and budget if the run follows the protocol of its figures."""
-    follows = "test poses same" in run.protocol and run.config["explore"] == "random"
-    return of_filter(run) if follows and beside(run) else None
+    """Give what the paper prints of a run's own filter and budget, for a picture beside its figures."""
+    return of_filter(run) if beside(run) else None
 
 
 def of_filter(run: Run) -> Printed | None:

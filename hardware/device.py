@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml, read_toml
-from tactsim.core.errors import unknown
+from tactsim.core.errors import InputError, unknown
 from tactsim.core.matrix import mixed, unmixed
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
@@ -227,6 +227,8 @@ def load_device(name: str | Path) -> Device:
     """
     path = Path(name)
     if path.suffix != ".toml":
+        if str(name) == "paper":
+            raise InputError("unknown device 'paper': the paper's pad is called 'emulated'")
         if str(name) not in built_in_devices():
             raise unknown("device", str(name), (*built_in_devices(), "FILE.toml"))
         content = (files("tactsim.hardware") / "devices" / f"{name}.toml").read_bytes()

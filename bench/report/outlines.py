@@ -13,19 +13,29 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 
-def outline(
-    label: str, scan: Scan, maps: Mapping[str, OccupancyMap], shape_files: Sequence[Path] = ()
-) -> list[FloatArray]:
-    """Find an object's contours, (k, 2) mm each, in its own frame; none if nobody knows them.
+def drawing(label: str, scan: Scan, shape_files: Sequence[Path] = ()) -> list[FloatArray] | None:
+    """Give the contours that an object was drawn with, (k, 2) mm each, in its own frame; None if nobody knows them.
 
-    A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file. The outline of
-    anything else is where its learned map says that occupied and empty are equally likely.
+    A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file.
     """
     if "options" in scan.meta and label in models.names():
         return [np.asarray(contour) for contour in models.letter(label).contours]
     for path in shape_files:
         if path.stem == label:
             return [np.asarray(contour) for contour in models.shape(path).contours]
+    return None
+
+
+def outline(
+    label: str, scan: Scan, maps: Mapping[str, OccupancyMap], shape_files: Sequence[Path] = ()
+) -> list[FloatArray]:
+    """Find an object's contours, (k, 2) mm each, in its own frame; none if nobody knows them.
+
+    Without a drawing they are where the learned map says that occupied and empty are equally likely.
+    """
+    drawn = drawing(label, scan, shape_files)
+    if drawn is not None:
+        return drawn
     if label not in maps:
         return []
     from contourpy import contour_generator

@@ -19,7 +19,7 @@ from tactsim.bench import paper
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
-from tactsim.bench.report.outlines import outline, taxel_size
+from tactsim.bench.report.outlines import drawing, outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
 from tactsim.bench.runs.pooled import Group, Pooled
@@ -253,8 +253,12 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 
 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
-    contours = outline(label, of.scan, of.maps, of.entry.run.shape_files)
-    return {"contours": [arrays.add(contour, "f4") for contour in contours]}
+    shape_files = of.entry.run.shape_files
+    contours = outline(label, of.scan, of.maps, shape_files)
+    return {
+        "contours": [arrays.add(contour, "f4") for contour in contours],
+        "drawn": drawing(label, of.scan, shape_files) is not None,
+    }
 
 
 def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:

@@ -36,10 +36,10 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
 
 def test_a_run_says_its_headline_first_and_the_rest_if_asked(here, tmp_path):
     words = ["run", "--estimator", "histogram", "--trials", "1", "--readings", "30", "--bins", "1000"]
-    said = here(*words, "--out", "a run").stdout.splitlines()
+    said = here(*words, "--test-poses", "same", "--out", "a run").stdout.splitlines()
     shown = results.load(tmp_path / "a run")
     assert said[0].startswith("histogram 10 x 10 x 10")
-    assert said[1].startswith("A E I O U: 1 trial each, test poses random")
+    assert said[1].startswith("A E I O U: 1 trial each, test poses same")
     assert said[2].startswith(f"right after 5 readings: {shown.accuracy[4]:.2f} (95 % interval ")
     assert said[2].endswith(f"error {shown.error_mm[-1]:.2f} mm after 30")
     assert said[3].endswith("the paper, on a real pad: 100 % from 46 on (histogram filter, 1,000 bins)")
@@ -48,6 +48,12 @@ def test_a_run_says_its_headline_first_and_the_rest_if_asked(here, tmp_path):
     assert "next     bench report 'a run'" in "\n".join(said)
     for word in ("likelihood evaluations", "eq. 3", "held", "all mm"):
         assert not any(word in line for line in said)
+
+
+def test_the_papers_figures_stand_beside_its_own_protocol_alone(here):
+    off_the_grid = here("run", "--estimator", "histogram", *SMALL, "--out", "off").stdout
+    assert "every trial right" in off_the_grid
+    assert "the paper" not in off_the_grid
 
 
 def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, drawn):

@@ -50,6 +50,7 @@ def test_options_of_the_scan_change_the_pad_that_is_named():
     ("words", "says"),
     [
         ({"pad": "flexitac"}, "unknown device 'flexitac': did you mean 'flexitac-"),
+        ({"pad": "paper"}, "the paper's pad is called 'emulated'"),
         ({"pad": "none.toml"}, "cannot read device file none.toml"),
         ({"pad": "dfrobot-4x8", "scan": "mine.npz"}, "pad says how letters are pressed"),
         ({"pad": "dfrobot-4x8", "task": "smoke-v1"}, "pad 'dfrobot-4x8': task smoke-v1 says None"),

@@ -42,6 +42,7 @@ function recognitionView(protocol) {
   const planes = h("div", { class: "planes" });
   const status = h("p", { class: "status", "aria-live": "polite" });
   const remark = h("p", { class: "hint" });
+  const grey = h("span", {});
 
   const runChoice = choice("Method", runs.map((run, i) => [i, run]), (i) => start(runs[i], trial.kind));
   const kinds = [...new Set(trials.map((one) => one.kind))];
@@ -129,6 +130,7 @@ function recognitionView(protocol) {
   function drawScene(k) {
     const count = trial.estimate.length;
     const outlines = protocol.outlines;
+    grey.textContent = outlines[trial.truth] && !outlines[trial.truth].drawn ? "Grey: what is occupied in the map that was learned of the letter, as there is no drawing of it." : "Grey: the letter.";
     const xs = trial.taxels.map(([x]) => Math.abs(x)), ys = trial.taxels.map(([, y]) => Math.abs(y));
     const [w, height] = trial.taxelSize;
     const halfX = Math.max(...xs) + w / 2, halfY = Math.max(...ys) + height / 2;
@@ -268,7 +270,7 @@ function recognitionView(protocol) {
     status,
     h("div", { class: "recognition" },
       h("div", { class: "card a" }, h("h4", {}, "The pad on the letter"), scene,
-        h("p", { class: "hint" }, "In the letter's own frame. Grey: the letter. Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the letter's centre is with 90 %.")),
+        h("p", { class: "hint" }, "In the letter's own frame. ", grey, " Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the letter's centre is with 90 %.")),
       h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,
