@@ -29,7 +29,7 @@ FILE  ?= tactsim/press/clip.py
 TESTS ?= tests/press/test_clip.py
 COPY  := build/mutants
 
-.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check tables renew leaderboard references stress referees release-check image clean help
+.PHONY: run test test-long check docs setup lock test-slow soak mutants bench bench-check tables tutorials renew leaderboard references stress referees release-check image clean help
 
 help:            ## list these commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -87,6 +87,9 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
 	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md docs/tasks.md
+
+tutorials: $(DOCS)  ## run the tutorials, and keep in the notebooks what they print and show
+	@$(BIN)/python docs/tools/tutorial_outputs.py docs/tutorials/*.ipynb
 
 renew: $(DEVELOP)  ## do every method of results/leaderboard again with this commit, and check it: half an hour; then `leaderboard`
 	@$(BIN)/python docs/tools/renew_leaderboard.py results/leaderboard $(VENV)/renewed
