@@ -21,7 +21,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press.geom_gap import body_of
 from tactsim.press.pad_reader import Layer, PadReader, touchable
 from tactsim.press.pad_relief import relief_surface
-from tactsim.press.pad_surface import pad_surface
+from tactsim.press.pad_surface import PadSurface, pad_surface
 
 _THIN = 1.0  # mm between two arrays, below which they are on each other
 _WITHIN = 0.01  # mm from an array's rim to the first of the points that may not lie on another array
@@ -74,21 +74,24 @@ class AttachedPad:
                 "attached to"
             )
         what, first = (f"geom {names[0]!r}" if len(names) == 1 else self.name), geoms[0]
-        if len(geoms) > 1 or model.geom_type[first] == mujoco.mjtGeom.mjGEOM_MESH:
+        kind, size = int(model.geom_type[first]), model.geom_size[first]
+        x_low, x_high, y_low, y_high = self.pad.load_bounds
+        low, high = np.array([x_low, y_low]), np.array([x_high, y_high])
+
+        def too_large(surface: PadSurface) -> bool:
+            return bool((np.minimum(low - surface.low, surface.high - high) < -1e-9).any())
+
+        if len(geoms) > 1 or kind == mujoco.mjtGeom.mjGEOM_MESH:
             surface = relief_surface(model, geoms, self.normal, self.at, what)
         else:
-            surface = pad_surface(
-                int(model.geom_type[first]), model.geom_size[first], self.normal, self.at, names[0]
-            )
-        x_low, x_high, y_low, y_high = self.pad.load_bounds
-        free = np.minimum(np.array([x_low, y_low]) - surface.low, surface.high - np.array([x_high, y_high]))
-        if (free < -1e-9).any():
-            over_end = model.geom_type[first] == mujoco.mjtGeom.mjGEOM_CAPSULE and len(geoms) == 1
-            hint = " (one over the round end looks along the capsule's axis)" if over_end else ""
+            surface = pad_surface(kind, size, self.normal, self.at, names[0])
+            if kind == mujoco.mjtGeom.mjGEOM_CAPSULE and too_large(surface):
+                surface = pad_surface(kind, size, self.normal, self.at, names[0], over_ends=True)
+        if too_large(surface):
             raise InputError(
                 f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {what} from "
                 f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
-                f"about the pad's middle: choose a smaller pad{hint}"
+                "about the pad's middle: choose a smaller pad"
             )
         _refuse_unfelt(model, geoms)
         return PadReader(model, geoms, self.pad, surface, self.layer)

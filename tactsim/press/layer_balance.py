@@ -16,6 +16,7 @@ from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 _MOST_STEPS = 60
 _TOLERANCE = 1e-9  # of the load
 _SHORTEST = 1e-6  # of a step of Newton's
+_ROUNDING = 1e-14  # of the load's energy, which sums of the layer's energy are no closer than
 # A turn's own stiffness over that of a layer that touches everywhere. It is felt only where the load stands on the
 # very rim of what touches, which no finite turn balances.
 _HOLD = 1e-6
@@ -105,9 +106,9 @@ def balance(gap: Reals, weight: Reals, basis: Reals, force: float) -> Reals:
         if np.abs(slope).max() <= _TOLERANCE * force:
             break
         step = -solve(stiffness, slope)
-        length, falls = 1.0, (slope * step).sum()
+        length, falls, noise = 1.0, (slope * step).sum(), _ROUNDING * force * abs(motion[0])
         then = energy(gap, weight, basis, force, motion + step)
-        while length > _SHORTEST and then > now + 1e-4 * length * falls:
+        while length > _SHORTEST and then > now + 1e-4 * length * falls + noise:
             length /= 2
             then = energy(gap, weight, basis, force, motion + length * step)
         motion, now = motion + length * step, then

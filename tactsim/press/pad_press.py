@@ -15,7 +15,7 @@ from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
 from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
 from tactsim.press.layer_balance import approach, balance
 from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
-from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place
+from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place, stepped
 
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
@@ -313,7 +313,7 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
             least, most, a_pitch = _LINES[0], _LINES[1], _LINES_A_PITCH
             if len(body.kind) > 1:
                 least = _LINES_OF_SEVERAL
-            if face.stepped:
+            if stepped(face, low, high):
                 most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
             count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / springs.pitch), least), most)
             u, v = edges(low[0], high[0], int(count[0])), edges(low[1], high[1], int(count[1]))

@@ -116,8 +116,10 @@ class PadReader:
 
     def read(self, data: mujoco.MjData) -> PadReading:
         """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward."""
+        contact = data.contact
+        touching = np.flatnonzero(self._own[contact.geom1] != self._own[contact.geom2])
         rotation, origin = self.frame(data)
-        loads = self._loads(data, rotation, origin)
+        loads = self._loads(data, touching, rotation, origin) if len(touching) else []
         felt: dict[int, list[PadReading]] = {}
         for load in loads:
             felt.setdefault(load.body, []).append(self._felt(load, loads, data, rotation, origin))
@@ -159,11 +161,12 @@ class PadReader:
         geom = data.geom_xmat[self.geom].reshape(3, 3)
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
-    def _loads(self, data: mujoco.MjData, rotation: FloatArray, origin: FloatArray) -> list[_Load]:
-        """Add up what the geoms of one rigid body do in about one direction."""
+    def _loads(
+        self, data: mujoco.MjData, index: NDArray[np.intp], rotation: FloatArray, origin: FloatArray
+    ) -> list[_Load]:
+        """Add up what the geoms of one rigid body do in about one direction, by the contacts `index`."""
         contact = data.contact
         first, second = contact.geom1, contact.geom2
-        index = np.flatnonzero(self._own[first] != self._own[second])
         forces = np.empty((len(index), 6))
         for row, number in enumerate(index.tolist()):
             mujoco.mj_contactForce(self.model, data, number, forces[row])

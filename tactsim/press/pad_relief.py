@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -21,6 +22,7 @@ _MM = 1e3  # mm in a metre
 _SEEN = 200  # points along each axis of the grid that finds the body's outline
 _FINE = 400, 1000  # and of that of its heights, at most: of one mesh, and of several geoms
 _STEP = 0.02  # mm between the latter's points, at least
+_JUMP = 1e-3  # mm of height from point to point, beyond the slope's, which is a step between geoms
 _STEEPEST = 3.0  # mm of height for a mm along the pad; what is steeper carries no pad
 _NO_WIDTH = 1e-6 * np.eye(3)[:2]  # mm along x and y, of a cell that no wall cuts
 _UP, _DOWN = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]])
@@ -62,10 +64,16 @@ def relief_surface(
     column, row = np.abs(x - middle[0]).argmin(), np.abs(y - middle[1]).argmin()
     top = height[row, column] if seen[row, column] else height[seen].max()
     relief = np.where(seen, [height - top, slope_x, slope_y, np.ones_like(height)], 0.0)
+    jumps = (
+        _jumps(height, seen, slope_x * steps[0], slope_y * steps[1])
+        if len(listed) > 1
+        else np.zeros(height.shape)
+    )
     grid = np.array([x[0] - middle[0], y[0] - middle[1], *steps])
     first = _matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
-    face = Face(RELIEF, np.zeros(3), grid, relief, low - middle, high - middle, depth, len(listed) > 1)
+    layers = np.concatenate([relief, jumps[None]])
+    face = Face(RELIEF, np.zeros(3), grid, layers, low - middle, high - middle, depth)
     return PadSurface(first.T @ origin, first.T @ axes, face)
 
 
@@ -94,6 +102,25 @@ def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> t
         top = np.where(met, np.maximum(top, ends[0]), top)
         lowest = min(lowest, ends[1][met].min(initial=np.inf))
     return top.reshape(len(y), len(x)), float(top.max() - lowest)
+
+
+def _jumps(height: FloatArray, seen: NDArray[np.bool_], rise_x: FloatArray, rise_y: FloatArray) -> FloatArray:
+    """Count the steps, and the rims of what is seen, up to each point along both x and y: (rows, columns).
+
+    height: mm. rise_x, rise_y: mm by which the slopes rise to the next point. The sides of the rectangle that holds all
+    that is seen do not count: there the face ends.
+    """
+    jumps = np.zeros(height.shape)
+    for each, rise in ((jumps, rise_x), (jumps.T, rise_y.T)):
+        high, there = (height, seen) if each is jumps else (height.T, seen.T)
+        with np.errstate(invalid="ignore"):
+            off = np.abs(np.diff(high, axis=1)) > np.maximum(*np.abs([rise[:, 1:], rise[:, :-1]])) + _JUMP
+        each[:, 1:] += np.where(there[:, 1:] & there[:, :-1], off, there[:, 1:] != there[:, :-1])
+    rows, columns = np.nonzero(seen)
+    within = slice(rows.min() + 1, rows.max() + 1), slice(columns.min() + 1, columns.max() + 1)
+    inner = np.zeros(height.shape)
+    inner[within] = jumps[within]
+    return inner.cumsum(axis=0).cumsum(axis=1)
 
 
 def _slopes(height: FloatArray, step: float, axis: int) -> FloatArray:

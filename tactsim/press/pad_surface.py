@@ -21,6 +21,7 @@ from tactsim.core.poses import FloatArray
 
 _MM = 1e3  # mm in a metre
 _ROUND = 1.5  # rad from the middle to which a pad may reach around a sphere's or a cylinder's surface
+_OVER_END = math.pi / 3  # rad from a capsule's side over its end, where a circle around it is half as long
 _FLATTENED = 0.67  # share of an ellipsoid's half-axes to which a pad may reach, corners within 0.95
 _PARALLEL = 1e-6
 _SMALL = 1e-12
@@ -31,10 +32,11 @@ class Face(NamedTuple):
     """A surface as the compiled loops take it.
 
     kind: FLAT, AROUND a cylinder along y, OVER a sphere, PROJECTED on an ellipsoid, or RELIEF. size: (3,) mm, the
-    radius first, or an ellipsoid's half-axes. grid: (4,) mm, where a relief's grid begins along x and y and how far its
-    points are apart. relief: (4, rows, columns), heights mm, slopes along x and y, and 1 where there is a surface.
-    low, high: (2,) mm, where the face ends in (u, v). depth: mm of the geom below the face; no contact reaches
-    deeper. stepped: whether it may jump between geoms.
+    radius first, or an ellipsoid's half-axes; of a cylinder then where a round end begins, from its middle along y, and
+    where the pad's middle is from there. grid: (4,) mm, where a relief's grid begins along x and y and how far its
+    points are apart. relief: (5, rows, columns), heights mm, slopes along x and y, 1 where there is a surface, and
+    how often it jumps between geoms up to there in both x and y.
+    low, high: (2,) mm, where the face ends in (u, v). depth: mm of the geom below the face; no contact reaches deeper.
     """
 
     kind: int
@@ -44,10 +46,9 @@ class Face(NamedTuple):
     low: Reals
     high: Reals
     depth: float
-    stepped: bool
 
 
-FACE = types.NamedTuple((int64, REALS, REALS, REALS_3D, REALS, REALS, float64, boolean), Face)
+FACE = types.NamedTuple((int64, REALS, REALS, REALS_3D, REALS, REALS, float64), Face)
 
 
 class Lines(NamedTuple):
@@ -100,24 +101,19 @@ class PadSurface:
 def _face(kind: int, size: FloatArray | float, low: FloatArray, high: FloatArray, depth: float) -> Face:
     """Describe a face that is no relief."""
     half = np.full(3, float(size)) if isinstance(size, float) else np.array(size, dtype=float)
-    return Face(
-        kind,
-        half,
-        np.zeros(4),
-        np.zeros((4, 1, 1)),
-        low.astype(float),
-        high.astype(float),
-        float(depth),
-        False,
-    )
+    grid, relief = np.zeros(4), np.zeros((5, 1, 1))
+    return Face(kind, half, grid, relief, low.astype(float), high.astype(float), float(depth))
 
 
-def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray, name: str) -> PadSurface:
+def pad_surface(
+    kind: int, size: FloatArray, normal: FloatArray, at: FloatArray, name: str, *, over_ends: bool = False
+) -> PadSurface:
     """Find the face of a primitive geom whose outward normal at its middle is `normal`, in the geom's frame.
 
     kind: mujoco.mjtGeom. size: (3,) m, as in mjModel.geom_size. at: (2,) mm, the pad's middle from the face's
     middle along the pad's x and y. The pad's y is the geom's z axis, or its y axis where the face looks along z;
-    its x is y cross normal. Raises InputError, naming the geom, where it has no such face.
+    its x is y cross normal. over_ends: a capsule's side goes on over its ends, true to length along y.
+    Raises InputError, naming the geom, where it has no such face.
     """
     size = np.asarray(size) * _MM
     axes = pad_axes(normal)
@@ -140,9 +136,11 @@ def pad_surface(kind: int, size: FloatArray, normal: FloatArray, at: FloatArray,
         angle = at[0] / radius  # around the axis, from the middle
         turned = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
         axes = axes @ turned
-        edge = np.array([_ROUND * radius, half_length])
+        over = _OVER_END * radius if over_ends else 0.0
+        edge = np.array([_ROUND * radius, half_length + over])
         middle = np.array([0, at[1]])
-        face = _face(AROUND, float(radius), -edge - middle, edge - middle, radius)
+        around = np.array([radius, half_length if over_ends else np.inf, at[1]])
+        face = _face(AROUND, around, -edge - middle, edge - middle, radius)
         return PadSurface(axes @ [0, at[1], radius], axes, face)
     if kind == geom.mjGEOM_CYLINDER:
         raise InputError(
@@ -196,23 +194,30 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
     points, area = np.zeros((len(u), 3)), np.ones(len(u))
     normals, span_u, span_v = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     for i in range(len(u)):
-        if face.kind in (AROUND, OVER):
-            radius = face.size[0]
-            # Of a sphere true to length along each line through the pole, which is at x, y from the middle.
-            distance = max(math.hypot(u[i], v[i]), _SMALL) if face.kind == OVER else u[i]
-            x, y = (u[i] / distance, v[i] / distance) if face.kind == OVER else (1.0, 0.0)
-            angle = distance / radius
+        if face.kind == AROUND:
+            radius, side = face.size[0], v[i] + face.size[2]
+            sine, cosine = math.sin(u[i] / radius), math.cos(u[i] / radius)
+            over = max(abs(side) - face.size[1], 0.0) / radius
+            up, out = (
+                math.copysign(math.sin(over), side),
+                math.cos(over),
+            )  # along y and across it, on a round end
+            points[i, 0], points[i, 1], points[i, 2] = radius * out * sine, v[i], radius * (out * cosine - 1)
+            if over > 0:
+                points[i, 1] = math.copysign(face.size[1], side) + radius * up - face.size[2]
+            normals[i, 0], normals[i, 1], normals[i, 2] = out * sine, up, out * cosine
+            span_u[i, 0], span_u[i, 2] = du * out * cosine, -du * out * sine
+            span_v[i, 0], span_v[i, 1], span_v[i, 2] = -dv * up * sine, dv * out, -dv * up * cosine
+            area[i] = out
+            continue
+        if face.kind == OVER:
+            # True to length along each line through the pole, which is at x, y from the middle.
+            radius, distance = face.size[0], max(math.hypot(u[i], v[i]), _SMALL)
+            x, y, angle = u[i] / distance, v[i] / distance, distance / radius
             sine, cosine = math.sin(angle), math.cos(angle)
-            narrowed = (
-                sine / angle if face.kind == OVER else 1.0
-            )  # a circle about the pole over one in the plane
-            points[i, 0], points[i, 1], points[i, 2] = (
-                radius * sine * x,
-                radius * sine * y,
-                radius * (cosine - 1),
-            )
-            if face.kind == AROUND:
-                points[i, 1] = v[i]
+            narrowed = sine / angle  # a circle about the pole over one in the plane
+            points[i, 0], points[i, 1] = radius * sine * x, radius * sine * y
+            points[i, 2] = radius * (cosine - 1)
             normals[i, 0], normals[i, 1], normals[i, 2] = sine * x, sine * y, cosine
             span_u[i, 0] = du * (cosine * x * x + narrowed * y * y)
             span_u[i, 1], span_v[i, 0] = du * (cosine - narrowed) * x * y, dv * (cosine - narrowed) * x * y
@@ -243,6 +248,20 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
     return Lines(points, normals, span_u, span_v, area)
 
 
+@compiled(boolean(FACE, REALS, REALS), called_from_python=False)
+def stepped(face: Face, low: Reals, high: Reals) -> bool:
+    """Tell whether a relief jumps between geoms within low and high, (2,) mm: by its jumps before the four corners."""
+    if face.kind != RELIEF:
+        return False
+    jumps, first, last = face.relief[4], np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
+    for i in range(2):
+        most = jumps.shape[1 - i] - 1
+        first[i] = min(max(math.floor((low[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
+        last[i] = min(max(math.ceil((high[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
+    along_x = jumps[last[1], last[0]] - jumps[last[1], first[0]]
+    return along_x > jumps[first[1], last[0]] - jumps[first[1], first[0]]
+
+
 @compiled(REALS_2D(FACE, REALS_2D))
 def place(face: Face, points: Reals) -> Reals:
     """Give (u, v), (k, 2) mm, of a face below points (k, 3) mm of the pad's frame."""
@@ -250,7 +269,12 @@ def place(face: Face, points: Reals) -> Reals:
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         if face.kind == AROUND:
-            placed[i, 0] = face.size[0] * math.atan2(x, z + face.size[0])
+            radius, side = face.size[0], y + face.size[2]
+            placed[i, 0] = radius * math.atan2(x, z + radius)
+            over = abs(side) - face.size[1]
+            if over > 0:
+                angle = math.atan2(over, math.hypot(x, z + radius))
+                placed[i, 1] = math.copysign(face.size[1] + radius * angle, side) - face.size[2]
         elif face.kind == OVER:
             away = math.hypot(x, y)
             placed[i] *= face.size[0] * math.atan2(away, z + face.size[0]) / max(away, _SMALL)

@@ -294,6 +294,42 @@ def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     assert errors(reading.kpa, image(pad, pressure))[1] < (0.02 if stiffness < 1000 else 0.01)
 
 
+@pytest.mark.parametrize("polar", [0.0, 0.3, 0.6])
+def test_a_pad_that_wraps_a_capsules_end_is_the_closed_form(polar):
+    """A ball presses the round end at an angle to its rim, and on the rim, where the end meets the side.
+
+    The foil is true to length along the capsule, also over the end; circles about the axis are drawn wider there.
+    """
+    radius, half, stiff = 12.0, 4.0, 5.0
+    way = np.array([np.cos(polar), 0, np.sin(polar)])
+    middle = [0, 0, half / 1e3] + way * (radius + 5.01) / 1e3
+    spec = mujoco.MjSpec.from_string(f"""<mujoco>
+        <option timestep="0.001" gravity="{" ".join(map(str, -GRAVITY * way))}"/><worldbody>
+        <geom name="tip" type="capsule" size="{radius / 1e3} {half / 1e3}"/>
+        <body pos="{" ".join(map(str, middle))}"><joint type="slide" axis="{" ".join(map(str, way))}"/>
+          <geom type="sphere" size=".005" mass=".2"/></body></worldbody></mujoco>""")
+    pad = Pad(rows=16, unread_columns=0)
+    reader = tactsim.press.attach(spec, "tip", pad, stiffness=1e3 * stiff).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    reading = reader.read(data)
+    across = 1 / (1 / 5 + 1 / radius)
+
+    def pressure(u, v):
+        over = np.maximum(v - half, 0) / radius
+        along = np.where(v < half, 5, across)  # the side is straight
+        away = (u * np.cos(over)) ** 2 / across + (v - half - radius * polar) ** 2 / along
+        both = (np.sqrt(5 * across) + across) / 2 if polar == 0 else across
+        return (
+            stiff * np.maximum(np.sqrt(reading.force / (np.pi * stiff * both)) - away / 2, 0) * np.cos(over)
+        )
+
+    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
+    assert reading.outside == pytest.approx(0, abs=1e-9)
+    assert errors(reading.kpa, image(pad, pressure))[1] < 0.015
+
+
 # Without gaps and without point spread the taxels' sum is the force.
 TIGHT = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
 TAXEL = 1.9 * 1.9 / 1e3  # N for a kPa
@@ -422,9 +458,9 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ),
         (
             "capsule",
-            {"pad": Pad(rows=30)},
-            "the pad reaches from (-7.7, -28.45) to (7.7, 28.45) mm and geom 'capsule' from (-13.5, -20) to (13.5, 20) "
-            "mm about the pad's middle: choose a smaller pad (one over the round end looks along the capsule's axis)",
+            {"pad": Pad(rows=40)},
+            "the pad reaches from (-7.7, -37.95) to (7.7, 37.95) mm and geom 'capsule' from (-13.5, -29.42) to "
+            "(13.5, 29.42) mm about the pad's middle: choose a smaller pad",
         ),
         ("box", {"normal": (0, 0, 0)}, "normal is (0, 0, 0); it is the direction in which the pad looks"),
         ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),

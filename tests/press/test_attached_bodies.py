@@ -134,6 +134,18 @@ def test_an_array_spans_the_boxes_of_a_link():
     assert errors(reading.kpa, truth)[1] < 0.02  # the lattice samples the steps between the boxes
 
 
+@pytest.mark.parametrize("x", [0.0, 1.5, 8.5])
+def test_boxes_side_by_side_carry_a_pad_as_one_box_does(x):
+    """Their faces are in one plane, so that nothing steps; also at the rim of both."""
+    ball = f'<geom size=".006" pos="{x / 1e3} .0007 .01101" mass=".2"/>'
+    halves = "".join(f'<geom type="box" size=".0045 .01 .005" pos="{at} 0 0"/>' for at in (-0.0045, 0.0045))
+    two = press_on(halves, object_geom=ball)
+    plain = press_on('<geom type="box" size=".009 .01 .005"/>', object_geom=ball)
+    assert two.force == pytest.approx(plain.force, rel=1e-3)
+    assert two.outside == pytest.approx(plain.outside, abs=0.01 * plain.force)
+    assert errors(two.kpa, plain.kpa)[1] < 0.01
+
+
 def mesh_of(points):
     return f'<mesh name="tip" vertex="{" ".join(map(repr, points.ravel().tolist()))}"/>'
 
