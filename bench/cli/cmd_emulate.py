@@ -241,11 +241,15 @@ def _wanted(
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:
+    import signal
+
     from tactsim.bench.config import whole_number
     from tactsim.core.errors import InputError
     from tactsim.hardware.emulator import serve_pty, serve_tcp
 
     def ready(name: str) -> None:
+        # Ended by a program it ends as by Ctrl-C, so that no link to a pty that is gone stays behind.
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         typer.echo(name)
 
     kind, _, place = port.partition(":")
