@@ -75,19 +75,23 @@ PRINTED = (
 
 
 def beside(run: Run) -> Printed | None:
-    """Give what the paper prints of a run's filter and budget, or else its best.
+    """Give what the paper prints of a run's filter and budget, or else its best; None where a run asks something else.
 
-    None of other objects than its own, and of another protocol: results of two protocols say nothing of each other.
+    That is, of other objects than the paper's, with one held out, or where the estimator chooses where to touch.
     """
     if run.in_space or sorted(run.letters) != list(LETTERS) or run.config["hold_out"]:
         return None
-    follows = "test poses same" in run.protocol and run.config["explore"] == "random"
-    return (of_filter(run) or BEST) if follows else None
+    return (of_filter(run) or BEST) if run.config["explore"] == "random" else None
+
+
+def at_its_poses(run: Run) -> bool:
+    """Say if a run tests with the poses that it was trained with, as the paper does."""
+    return "test poses same" in run.protocol
 
 
 def in_figure(run: Run) -> Printed | None:
-    """Give what the paper prints of a run's own filter and budget, for a picture beside its figures."""
-    return of_filter(run) if beside(run) else None
+    """Give what the paper prints of a run's own filter and budget if the run follows the protocol of its figures."""
+    return of_filter(run) if beside(run) and at_its_poses(run) else None
 
 
 def of_filter(run: Run) -> Printed | None:

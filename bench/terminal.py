@@ -170,7 +170,8 @@ def headline(run: Run) -> list[str]:
     lines.append(f"every trial right{when(f' from {word}', summary['all_right_from'], f'{word} {readings}')}")
     printed = paper.beside(run)
     if printed is not None:
-        lines[-1] += f"; the paper, on a real pad: {printed.words}"
+        poses = "" if paper.at_its_poses(run) else " and in its training's poses"
+        lines[-1] += f"; the paper, on a real pad{poses}: {printed.words}"
     if run.config.get("hold_out"):
         lines.append(_refused(run))
     return lines + run.cautions

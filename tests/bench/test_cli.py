@@ -50,10 +50,11 @@ def test_a_run_says_its_headline_first_and_the_rest_if_asked(here, tmp_path):
         assert not any(word in line for line in said)
 
 
-def test_the_papers_figures_stand_beside_its_own_protocol_alone(here):
-    off_the_grid = here("run", "--estimator", "histogram", *SMALL, "--out", "off").stdout
-    assert "every trial right" in off_the_grid
-    assert "the paper" not in off_the_grid
+def test_beside_a_run_in_other_poses_it_is_said_that_the_papers_were_its_trainings(here):
+    said = here("run", "--estimator", "histogram", *SMALL, "--out", "off").stdout
+    assert "the paper, on a real pad and in its training's poses: 100 % from" in " ".join(said.split())
+    alone = here("run", "--estimator", "histogram", *SMALL, "--letters", "AE", "--out", "two").stdout
+    assert "the paper" not in alone
 
 
 def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, drawn):
