@@ -6,6 +6,7 @@ import errno
 import re
 import select
 import sys
+import traceback
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib import import_module
@@ -148,7 +149,7 @@ def run_app() -> NoReturn:
         sys.stderr.close()  # as in `bench list | head`, which stops reading
         sys.exit(FAILED)
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno != errno.ENOSPC or not (error.filename or _of_printing(error)):
             raise
         fail(f"cannot write {error.filename or 'to standard output'}: the disk is full")
     if status == INTERRUPTED:
@@ -168,6 +169,13 @@ def _nobody_reads() -> bool:
         with suppress(OSError, ValueError):  # it is no file, or closed
             watched.register(stream.fileno(), 0)
     return any(found & (select.POLLERR | select.POLLHUP) for _, found in watched.poll(0))
+
+
+def _of_printing(error: BaseException) -> bool:
+    """Tell whether an error was raised where words are printed."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    name = str(frame.f_globals.get("__name__"))
+    return name.partition(".")[0] in ("rich", "typer") or name.startswith("tactsim.bench.")
 
 
 def _in_plain_words(error: TyperException) -> str:
