@@ -198,10 +198,8 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
             radius, side = face.size[0], v[i] + face.size[2]
             sine, cosine = math.sin(u[i] / radius), math.cos(u[i] / radius)
             over = max(abs(side) - face.size[1], 0.0) / radius
-            up, out = (
-                math.copysign(math.sin(over), side),
-                math.cos(over),
-            )  # along y and across it, on a round end
+            # On a round end the normal leans: so much along y, and so much across it.
+            up, out = math.copysign(math.sin(over), side), math.cos(over)
             points[i, 0], points[i, 1], points[i, 2] = radius * out * sine, v[i], radius * (out * cosine - 1)
             if over > 0:
                 points[i, 1] = math.copysign(face.size[1], side) + radius * up - face.size[2]
