@@ -4,7 +4,9 @@ The line after it, which says to a reader of a clone where to look instead, goes
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any
 
 from pydantic import BaseModel
@@ -13,6 +15,8 @@ from sphinx.environment import BuildEnvironment
 from sphinx.errors import ExtensionError
 
 MARK = re.compile(r"^<!-- from the source: ([\w ]+) -->\n.+$", re.M)
+
+SEVERAL = 4  # estimators with an option make it a shared one
 
 LISTED = re.compile(r"<list\[(\w+)\]>")  # how typer writes an option that may be repeated
 
@@ -60,18 +64,27 @@ def commands() -> Iterator[str]:
 
 
 def estimator_options() -> Iterator[str]:
-    """Write the built-in estimators' options: first those that all share, then what each has of its own."""
+    """Write the built-in estimators' options: first those that several share, then what each has of its own."""
     from tactsim.estimators.registry import BUILT_IN, load
 
     options = {name: fields(load(name).options_type) for name in BUILT_IN}
-    first, *others = options.values()
-    shared = [row for row in first if all(row in rows for rows in others)]
+    shared = [row for row, number in Counter(chain(*options.values())).items() if number >= SEVERAL]
     head = ("option", "default", "what it is")
-    yield from ("", "### Shared by all", "", *table(head, shared))
+    yield from (
+        "",
+        "### Shared",
+        "",
+        f"At least {SEVERAL} estimators have each of these; below they are named.",
+        "",
+    )
+    yield from table(head, shared)
     for name, rows in options.items():
         summary = BUILT_IN[name][1]
         yield from ("", f"### {name}", "", f"{summary[0].upper()}{summary[1:]}.", "")
-        yield from table(head, [row for row in rows if row not in shared])
+        if common := [row[0] for row in rows if row in shared]:
+            yield from (f"Shared: {', '.join(common)}.", "")
+        if own := [row for row in rows if row not in shared]:
+            yield from table(head, own)
 
 
 def scan_options() -> Iterator[str]:
