@@ -9,7 +9,7 @@ import numpy as np
 from numba import float64, int64, types, void
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.press.pad_surface import LINES, Lines, dot
+from tactsim.press.pad_surface import LINES, Lines
 
 
 class Carried(NamedTuple):
@@ -179,11 +179,6 @@ def enter(
     wall = (highest >= limit) & (lowest < 1 - SMALL)
     for i in range(len(points)):
         line = i if own else 0
-        reached = (
-            -(1 + SMALL)
-            * (math.sqrt(dot(span_u, line, span_u, line)) + math.sqrt(dot(span_v, line, span_v, line)))
-            / 2
-        )
         if own:
             for face in range(faces):
                 rate[face] = along(normals, face, ways, i)
@@ -201,8 +196,6 @@ def enter(
         for face in range(faces):
             if wall[face] and rate[face] >= limit:
                 outside = gap[i] * rate[face] + height[face]
-                if outside < reached:  # it does not come to the cell, where steep is at most 1
-                    continue
                 steep = math.sqrt(max(1 - rate[face] * rate[face], SMALL))
                 if outside > most * steep:
                     worst, most = face, outside / steep
