@@ -10,6 +10,7 @@ import traceback
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -32,18 +33,15 @@ GROUPS = {
     ),
     "Look up and extend": ("list", "new", "stress"),
 }  # fmt: skip
+VERBS = tuple(chain.from_iterable(GROUPS.values()))
 
 
-def _said_of(verb: str) -> str:
+def said_of(verb: str) -> str:
     """Read from a verb's file the first line of its docstring: importing all verbs would take longer."""
     text = Path(__file__).with_name(f"cmd_{verb}.py").read_text(encoding="utf-8")
     return (
         text.partition("\ndef command(")[2].partition('\n    """')[2].partition("\n")[0].removesuffix('"""')
     )
-
-
-# Each verb with what `bench --help` says of it.
-VERBS = {verb: _said_of(verb) for verbs in GROUPS.values() for verb in verbs}
 
 
 class _Carried(Exception):
@@ -59,10 +57,16 @@ class _Verbs(TyperGroup):
     def __init__(self, **words: Any) -> None:
         super().__init__(**words)
         self.commands = {
-            name: TyperCommand(name, help=VERBS[name], rich_help_panel=group)
+            name: TyperCommand(name, rich_help_panel=group)
             for group, names in GROUPS.items()
             for name in names
         }
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Name all verbs, for the help and for completion, which then say what each does."""
+        for name, command in self.commands.items():
+            command.help = said_of(name)
+        return super().list_commands(ctx)
 
     def invoke(self, ctx: Any) -> Any:
         """Call a verb. Typer would take some errors for a closed terminal: they pass it as `_Carried`."""

@@ -26,16 +26,8 @@ def drawing(label: str, scan: Scan, shape_files: Sequence[Path] = ()) -> list[Fl
     return None
 
 
-def outline(
-    label: str, scan: Scan, maps: Mapping[str, OccupancyMap], shape_files: Sequence[Path] = ()
-) -> list[FloatArray]:
-    """Find an object's contours, (k, 2) mm each, in its own frame; none if nobody knows them.
-
-    Without a drawing they are where the learned map says that occupied and empty are equally likely.
-    """
-    drawn = drawing(label, scan, shape_files)
-    if drawn is not None:
-        return drawn
+def map_outline(label: str, maps: Mapping[str, OccupancyMap]) -> list[FloatArray]:
+    """Find where a map says that occupied and empty are equally likely: contours (k, 2) mm, none without a map."""
     if label not in maps:
         return []
     from contourpy import contour_generator

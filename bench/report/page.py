@@ -19,7 +19,7 @@ from tactsim.bench import paper
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
-from tactsim.bench.report.outlines import drawing, outline, taxel_size
+from tactsim.bench.report.outlines import drawing, map_outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
 from tactsim.bench.runs.pooled import Group, Pooled
@@ -253,11 +253,11 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 
 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
-    shape_files = of.entry.run.shape_files
-    contours = outline(label, of.scan, of.maps, shape_files)
+    drawn = drawing(label, of.scan, of.entry.run.shape_files)
+    contours = map_outline(label, of.maps) if drawn is None else drawn
     return {
         "contours": [arrays.add(contour, "f4") for contour in contours],
-        "drawn": drawing(label, of.scan, shape_files) is not None,
+        "drawn": drawn is not None,
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.placement import Properties, certainty, placement_error, properties
-from tactsim.bench.report.outlines import outline
+from tactsim.bench.report.outlines import drawing, map_outline
 from tactsim.bench.results import BADLY_EXPLAINED
 from tactsim.bench.watching.pad_view import taxels_of
 from tactsim.bench.watching.recogniser import Belief
@@ -50,7 +50,7 @@ class Told:
     ) -> None:
         self.leading, self.truth, self.from_behind = leading, truth, from_behind
         self.letters = leading.recogniser.letters
-        self.outlines = {label: outline(label, train, maps) for label in self.letters}
+        self.outlines = {label: drawing(label, train) or map_outline(label, maps) for label in self.letters}
         self._of: dict[str, Properties] = properties(train)
         self.pad, self._places = source.pad, taxels_of(source)
 
