@@ -94,7 +94,7 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
 def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(here, tmp_path):
     scan_letters(ScanOptions(letters=("I", "L")))[0].save(tmp_path / "il.npz")
     result = here(
-        "live", "--port", "simulated:O@2,1,0.3", "--train-scan", str(tmp_path / "il.npz"), "--readings", "10"
+        "live", "--port", "simulated:O@2,1,0.3", "--train-scan", str(tmp_path / "il.npz"), "--readings", "20"
     )
     assert result.returncode == 0, result.stderr
     assert (
