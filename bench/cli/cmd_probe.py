@@ -105,10 +105,6 @@ class _Heard:
             typer.echo(f"\nThe device prints {guess.describe()}. A device file that reads them:\n", err=True)
             typer.echo(f"{guess.device_file()}\n", err=True)
         elif guess is not None:
-            typer.echo(
-                f"\nThe device prints lines of {guess.columns} fields, which no device file reads: {guess.odd!r} is no "
-                "number. Let it print decimal numbers.\n",
-                err=True,
-            )
+            typer.echo(f"\n{guess.refusal()}\n", err=True)
         elif is_text(self._first):
-            typer.echo("\nThe device prints text, but no lines of numbers.\n", err=True)
+            typer.echo("\nThe device prints text, but no lines of bare numbers, without units.\n", err=True)

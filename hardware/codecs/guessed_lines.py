@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -18,16 +19,19 @@ from tactsim.hardware.framing import Framer
 _PRINTABLE = frozenset(b"\t\r\n\0\x1b" + bytes(range(0x20, 0x7F)))
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
+_FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*) *[:=]")  # of a line, as `S0:12`
 
 
 @dataclass(frozen=True)
 class GuessedLines:
     """Lines of numbers.
 
-    columns: fields in a frame. rows: lines in a frame, with an empty line between frames; 1 if every line is one.
+    columns: fields in a frame. rows: lines in a frame, with a line of another kind between frames; 1 if every line is
+    one.
     before: what the first field is if it rises steadily, "clock", "index" where it rises by 1, or "skip" where it is
     never a number; else "". decimal: the decimal point. odd: a field that is no number where others are, such as
-    "ovf"; "" if there is none. read: whether most of these lines are read by the device file.
+    "ovf"; "" if there is none. named: the names of lines that are parts of a frame, with nothing between two frames.
+    read: whether most of these lines are read by the device file.
     """
 
     columns: int
@@ -35,13 +39,17 @@ class GuessedLines:
     before: str
     decimal: str
     odd: str
+    named: tuple[str, ...] = ()
     read: bool = False
 
     def describe(self) -> str:
         """Say what the lines are."""
         what = f"lines of {self.columns} numbers"
+        if self.columns == 1:
+            what = "lines of one number, one taxel, unless they are those of a frame: let it print a frame a line"
         if self.rows > 1:
-            what = f"frames of {self.rows} lines with {self.columns // self.rows} numbers, an empty line between them"
+            columns = self.columns // self.rows
+            what = f"frames of {self.rows} lines with {columns} numbers, another line between frames"
         befores = {
             "clock": "; the first rises steadily: a clock",
             "index": "; the first counts the lines",
@@ -49,6 +57,18 @@ class GuessedLines:
         }
         odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
         return what + befores.get(self.before, "") + odd
+
+    def refusal(self) -> str:
+        """Say why no device file reads them, and what the device should print instead."""
+        if self.named:
+            return (
+                f"The device prints the parts of a frame in lines of their own ({', '.join(self.named[:4])} ...), and "
+                "nothing between two frames. Let it print a frame a line, or an empty line between two frames."
+            )
+        return (
+            f"The device prints lines of {self.columns} fields, which no device file reads: {self.odd!r} is no number. "
+            "Let it print decimal numbers."
+        )
 
     def device_file(self) -> str:
         """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
@@ -89,20 +109,25 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     Returns None if most fields are no numbers.
     """
     lines = [line.strip() for line in data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")[1:-1]]
+    names = Counter(match[1].decode() for line in lines if (match := _FIRST_NAME.match(line)))
+    named = tuple(sorted(name for name, count in names.items() if count > 1))
     guesses = []
     for decimal in (".", ","):
         fields = [split_line(line, decimal) if line.strip(b"\0 ") else [] for line in lines]
         guess = _of_rows(fields, decimal) or _of_lines(fields, decimal)
         if guess is not None:
             whole = sum(map(bool, fields)) / guess.rows
-            guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
+            if guess.rows == 1 and len(named) > 1:
+                guesses.append(replace(guess, named=named))
+            else:
+                guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
     # A comma between two numbers is no decimal one if both make sense.
     return max(guesses, key=lambda guess: (guess.read, guess.columns), default=None)
 
 
 def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
     """Find frames of two or more rows between empty lines."""
-    ends = [at for at, row in enumerate(fields) if not row]
+    ends = [at for at, row in enumerate(fields) if _parts_frames(row)]
     frames = [fields[first + 1 : last] for first, last in pairwise(ends)]
     shapes = Counter((len(frame), len(frame[0])) for frame in frames if len({len(row) for row in frame}) == 1)
     if not shapes:
@@ -112,6 +137,11 @@ def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None
     if rows < 2 or whole is None or whole.columns != columns:
         return None
     return GuessedLines(rows * columns, rows, "", decimal, whole.odd)
+
+
+def _parts_frames(fields: list[bytes]) -> bool:
+    """Tell whether a line is empty, or begins with a word, and so is no row that lacks a number."""
+    return not fields or not (numbers_in(fields[:1]) or fields[0].lower() in _NO_VALUE)
 
 
 def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:

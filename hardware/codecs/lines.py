@@ -1,9 +1,10 @@
 """`csv`: lines of numbers, as an Arduino prints them with `Serial.print`.
 
 Between two numbers stand commas, semicolons, tabs, bars or blanks, one kind in a line. What sketches print around them
-does no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$` or a `#`. A
-frame is a line, or several with an empty line before and behind them, one for each row. A line that says `nan` or `ovf`
-is none, unless in a column that is left out (`skip`, `after`), which may be a word or a date.
+does no harm: a separator before the first number or behind the last, brackets, names as in `S0:12`, a `$` or a `#`, a
+time as in `12:00:01.123 -> 12,34`. A frame is a line, or several, one for each row, between two lines of another kind:
+empty ones, `-----` or `Frame 12`. A line that says `nan` or `ovf` is none, unless in a column that is left out (`skip`,
+`after`), which may be a word or a date.
 
 A line counts only if the end of the line before it was seen: the first line after the port was opened may be the
 rest of one, which looks like a whole line of smaller numbers. A line that lost characters in its middle looks
@@ -32,7 +33,7 @@ _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
 _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
 _ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
 _AROUND = bytes.maketrans(b"[](){}<>|$#\"'\0", b" " * 14)  # means nothing here, or no more than a blank
-_NAME = re.compile(rb"(?<![\w.+-])[A-Za-z_]\w* *[:=]")  # of a number, as `S0:12`
+_NAME = re.compile(rb"(?<![\w.+-])(?:[A-Za-z_]\w* *[:=]|\d+: )")  # of a number, as `S0:12`, or of a row
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
 _LARGEST_COUNT = float(1 << 53)  # of a clock or a frame counter: up to there every whole number is exact
 _COUNTER = 1 << 32  # an Arduino's unsigned long starts again there
@@ -108,12 +109,11 @@ class LinesCodec(CountsCodec):
             end = _END.search(buffer, start)
             return (end.start() if end else len(buffer)) - start, None
         line, used = self._line(buffer, start)
-        if used and not line.strip() and self.format.checksum is None:
+        frame = self._frame(self._fields(line)) if used and self._is_right(line) else None
+        if used and frame is None and self.format.checksum is None and not numbers_in(self._fields(line)):
             fields, of_rows = self._rows(buffer, start + used)
             frame = self._frame(fields) if fields else None
             used = 0 if of_rows is None else used + (of_rows if frame else 0)
-        else:
-            frame = self._frame(self._fields(line)) if used and self._is_right(line) else None
         if not used and len(buffer) - start >= self.longest:
             used = self.longest
         return used, frame
@@ -126,7 +126,7 @@ class LinesCodec(CountsCodec):
         return bytes(buffer[start + 1 : end.start()]), end.end() - 1 - start
 
     def _rows(self, buffer: bytes | bytearray, start: int) -> tuple[list[bytes], int | None]:
-        """Give the fields of the rows from the end of an empty line, at `start`, to the next empty one.
+        """Give the fields of the rows from the end of a line that is no row, at `start`, to the next such line.
 
         Returns (fields, how far the end of the last row lies), (..., None) if they have not all come, ([], 0) if no
         rows of equal length stand there.
@@ -137,11 +137,13 @@ class LinesCodec(CountsCodec):
             line, used = self._line(buffer, start + at)
             if not used:
                 return fields, None
-            row = self._fields(line) if line.strip() else []
-            if not row or (fields and len(row) != first) or len(row) >= self._columns:
+            row = self._fields(line)
+            if not numbers_in(row):
+                return fields, at
+            if (fields and len(row) != first) or len(row) >= self._columns:
                 break
             first, fields, at = len(row), fields + row, at + used
-        return (fields, at) if not row and line.strip() == b"" else ([], 0)
+        return [], 0
 
     def encode(self, frame: Frame) -> bytes:
         """Write one line; the columns and axes that are not read are 0."""
@@ -202,13 +204,17 @@ class LinesCodec(CountsCodec):
 
 
 def split_line(line: bytes, decimal: str = ".") -> list[bytes]:
-    """Split a line of numbers into fields with a decimal point, without their names."""
-    line = _ESCAPE.sub(b"", line).translate(_AROUND)
+    """Split a line of numbers into fields with a decimal point, without their names and what stands before `->`."""
+    line = _ESCAPE.sub(b"", line).rpartition(b"->")[2].translate(_AROUND)
     if decimal == ",":
         line = line.replace(b".", b"?").replace(b",", b".")
     line = _NAME.sub(b" ", line).strip(b" \t,;")
     separator = next((mark for mark in (b",", b";") if mark in line), None)
-    return [field.strip() for field in line.split(separator)]
+    fields = [field.strip() for field in line.split(separator)]
+    words = fields[0].split() if separator else []
+    if not numbers_in(words) and numbers_in(words[-1:]):
+        fields[0] = words[-1]  # behind a time or a word, as in `[12:00:01] 12,34`
+    return fields
 
 
 def numbers_in(fields: list[bytes]) -> list[float] | None:

@@ -46,6 +46,12 @@ FORMS = {
     "decimal commas": lambda v, t: ";".join(f"{x},0" for x in v) + "\r\n",
     "date and time": lambda v, t: f"2026-11-27T04:00:{t / 1000:06.3f}," + ",".join(map(str, v)) + "\r\n",
     "a word first": lambda v, t: "$PAD," + ",".join(map(str, v)) + "\r\n",
+    "rows parted by a rule": lambda v, t: f"{v[0]} {v[1]}\r\n{v[2]} {v[3]}\r\n-----\r\n",
+    "rows under a heading": lambda v, t: f"Frame {t}\r\n{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n",
+    "numbered rows": lambda v, t: f"0: {v[0]} {v[1]}\r\n1: {v[2]} {v[3]}\r\n\r\n",
+    "a monitor's time": lambda v, t: f"12:00:{t / 1000:06.3f} -> " + ",".join(map(str, v)) + "\r\n",
+    "a time in brackets": lambda v, t: f"[12:00:{t / 1000:06.3f}] " + ",".join(map(str, v)) + "\r\n",
+    "a log's words": lambda v, t: f"I ({t}) pad: " + ",".join(map(str, v)) + "\r\n",
     "on a clear screen": lambda v, t: "\x1b[2J\x1b[H" + " ".join(map(str, v)) + "\r\n",
 }
 GIVEN = {
@@ -112,8 +118,31 @@ def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
     assert guess.odd == odd or guess.before == "skip"
 
 
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda v: "".join(f">S{k}:{x}\n" for k, x in enumerate(v)),
+        lambda v: f"R0: {v[0]} {v[1]}\nR1: {v[2]} {v[3]}\n",
+    ],
+)
+def test_parts_of_frames_with_nothing_between_two_frames_are_refused(form):
+    guess = guess_lines("".join(map(form, VALUES)).encode())
+    assert not guess.read
+    assert "nothing between two frames" in guess.refusal()
+
+
+def test_lines_of_one_number_may_be_the_taxels_of_a_frame():
+    guess = guess_lines("".join(f"{x}\n" for v in VALUES for x in v).encode())
+    assert "unless they are those of a frame" in guess.describe()
+
+
+@pytest.mark.parametrize("unit", ["kPa", " g"])
+def test_numbers_with_a_unit_are_no_bare_numbers(unit):
+    assert guess_lines("".join(",".join(f"{x}{unit}" for x in v) + "\n" for v in VALUES).encode()) is None
+
+
 def test_a_comma_between_two_numbers_is_no_decimal_one():
-    lines = "".join(f"Frame {k}\r\n{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n" for k, v in enumerate(VALUES))
+    lines = "".join(f"{v[0]},{v[1]}\r\n" for v in VALUES)
     guess = guess_lines(lines.encode())
     assert (guess.columns, guess.decimal) == (2, ".")
 
