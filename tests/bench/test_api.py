@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 from matplotlib.figure import Figure
+from test_trials import Blind
 
 import tactsim
 from tactsim.bench.config import run_config, scan_options
@@ -22,23 +23,11 @@ from tactsim.estimators import Options
 WORDS = {"estimator": "histogram", "bins": 1000, "trials": 2, "readings": 4}
 
 
-class Even(tactsim.Estimator):
-    """Hold every letter to be equally likely."""
-
-    draws = False
-
-    def fit(self, scan):
-        self.letters = scan.letters
-
-    def reset(self, rng):
-        pass
+class Even(Blind):
+    """Hold every letter to be equally likely, and say the first."""
 
     def update(self, reading, sensor_in_robot):
-        pass
-
-    def estimate(self):
-        even = dict.fromkeys(self.letters, 1 / len(self.letters))
-        return tactsim.Estimate(self.letters[0], even, np.zeros(3))
+        self.guess = self.letters[0]
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +61,6 @@ def test_curves_and_headlines_are_those_of_the_summary(run):
         else:
             assert getattr(run, name) == values, name
     assert (run.readings, run.seed, run.estimator, run.letters) == (4, 0, "histogram", ["A", "E"])
-    assert run.options["bins"] == 1000
-    assert set(run.seconds) >= {"scan", "fit", "total", "update_per_reading"}
 
 
 def test_the_table_has_a_row_for_every_trial_and_reading(run, monkeypatch):
@@ -107,7 +94,6 @@ def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path):
     assert [run.estimator for run in runs] == ["nearest", "histogram"]
     rows = tactsim.compare(next((tmp_path / "out" / "runs").glob("nearest*")), runs[1])
     assert rows[0].name == "share of readings right"
-    assert tactsim.__version__ == runs[0].versions["tactsim"]
     with pytest.raises(tactsim.InputError, match="unknown estimator"):
         tactsim.submit("letters-v1", "nearst", tmp_path / "bundle.zip")
 
@@ -128,20 +114,13 @@ def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):
         run.save(folder)
 
 
-@pytest.mark.parametrize("loaded", [False, True])
-def test_a_report_does_a_trial_again_from_the_readings_that_were_given(run, tmp_path, loaded):
-    shown = tactsim.Run.load(run.save(tmp_path / "run")) if loaded else run
-    page = shown.report(tmp_path / "page.html")
-    assert page.is_file()
+def test_a_report_does_a_trial_again_from_readings_that_can_be_had_again(run, scan, tmp_path):
+    page = tactsim.Run.load(run.save(tmp_path / "run")).report(tmp_path / "page.html")
     rows = (tmp_path / "page-recognition.csv").read_text().splitlines()
     assert len(rows) > 8
     assert "could be done again" not in page.read_text()
-
-
-def test_a_report_says_that_given_readings_are_gone(scan, tmp_path):
-    louder = replace(scan, readings=scan.readings * 1.5)
-    run = tactsim.run(louder, **WORDS)
-    page = tactsim.Run.load(run.save(tmp_path / "run")).report(tmp_path / "page.html")
+    louder = tactsim.run(replace(scan, readings=scan.readings * 1.5), **WORDS)
+    page = tactsim.Run.load(louder.save(tmp_path / "louder")).report(tmp_path / "louder.html")
     assert "its readings were given in Python" in page.read_text()
 
 
@@ -169,24 +148,17 @@ WRONG = {
     "options twice": ({"estimator": Even(Options()), "bins": 3}, "leave out bins"),
     "a word": ({"trails": 3}, "did you mean 'trials'"),
     "an estimator's option": ({"halvings": 3}, "option of the estimator refined; give set="),
-    "another estimator's option": ({"estimator": "histogram", "halvings": 3}, "unknown option 'halvings'"),
-    "no estimator": ({"estimator": None}, "estimator is None"),
     "a count twice": ({"bins": 100, "set": {"bins": 200}}, "bins is given by itself and in set"),
     "a training scan": ({"train_scan": 5}, "train_scan is 5; give a Scan, or the path"),
-    "held out": ({"hold_out": 5}, "hold_out: give letters, as 'A,E' or a list of names, got 5"),
 }
-
-
-def refused_in_one_line(said, work, *readings, **words):
-    with pytest.raises(InputError, match=said) as caught:
-        work(*readings, **words)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_words_are_refused_in_one_line(scan, case):
     words, said = WRONG[case]
-    refused_in_one_line(said, tactsim.run, scan, **words)
+    with pytest.raises(InputError, match=said) as caught:
+        tactsim.run(scan, **words)
+    assert "\n" not in str(caught.value)
 
 
 HOSTILE = "<img src=x onerror=alert(1)> $\\frac$ & \"'"
@@ -197,23 +169,7 @@ def test_hostile_names_stay_text_in_a_notebook_and_in_pictures():
     run.config["estimator"] = run.about["description"] = run.about["protocol"] = HOSTILE
     run.about["letters"] = [HOSTILE, "E"]
     tree = ElementTree.fromstring(run._repr_html_())
-    known = [
-        "div",
-        "p",
-        "b",
-        "br",
-        "table",
-        "thead",
-        "tbody",
-        "tr",
-        "th",
-        "td",
-        "svg",
-        "polygon",
-        "polyline",
-        "text",
-    ]
-    assert {element.tag for element in tree.iter()} <= {*known}
+    assert "img" not in {element.tag for element in tree.iter()}
     assert HOSTILE in "".join(tree.itertext())
     assert HOSTILE in repr(run)
     run.plot()._repr_png_()
@@ -255,14 +211,12 @@ def test_scans_to_train_on_are_taken_as_scans_and_as_files(scan, tmp_path):
         one.save(tmp_path / f"{name}.npz")
     files = {"scan": tmp_path / "test.npz", "train_scan": tmp_path / "train.npz"}
     assert run.summary == tactsim.run(**files, **WORDS).summary
-    assert run.summary == tactsim.run(scan, train_scan=str(files["train_scan"]), **WORDS).summary
     again = run.config | {"scan": scan, "train_scan": other}
     assert tactsim.run(**again).summary == run.summary
     with pytest.raises(InputError, match="give the same again"):
         tactsim.run(**run.config | {"scan": scan})
-    for tested in ({}, {"scan": files["scan"]}):
-        with pytest.raises(InputError, match="train_scan is a Scan, so scan has to be one, too"):
-            tactsim.run(**tested, train_scan=other, **WORDS)
+    with pytest.raises(InputError, match="train_scan is a Scan, so scan has to be one, too"):
+        tactsim.run(scan=files["scan"], train_scan=other, **WORDS)
 
 
 def test_nothing_is_written_over(run, tmp_path):
@@ -272,22 +226,20 @@ def test_nothing_is_written_over(run, tmp_path):
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match="it is a folder"):
         run.report(tmp_path / "run")
-    with pytest.raises(InputError, match=r"run\.txt: the report is a page"):
-        run.report(tmp_path / "run.txt")
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("moments", [2, "2"])
-def test_a_run_of_moments_presses_the_sequences_that_it_needs(moments):
+@pytest.mark.long
+def test_a_run_of_moments_presses_the_sequences_that_it_needs():
     words = {"letters": "I", "trials": 1, "readings": 2, "bins": 600}
-    run = tactsim.run(**words, set={"moments": moments}, bound=True)
+    run = tactsim.run(**words, set={"moments": "2"}, bound=True)
     assert run.options["moments"] == 2
     assert run.bounds is None
     assert "several" in run.about["no_bound"]
     with pytest.raises(InputError, match="leave out moments"):
-        tactsim.run(**words, set={"moments": moments}, explore="blind")
+        tactsim.run(**words, set={"moments": 2}, explore="blind")
     alone = run_config(**words)
-    assert run_config(**words, set={"moments": moments}).source != alone.source
+    assert run_config(**words, set={"moments": 2}).source != alone.source
     assert run_config(**words, set={"moments": 1}).source == alone.source
 
 

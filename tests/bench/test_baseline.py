@@ -11,7 +11,6 @@ from tactsim.bench.sweep import read, suites
 # The paper's protocol tests at the training poses: there it is enough, which is why the default is another one.
 DEFAULT_TASKS = [name for name in suites() if not name.startswith("paper")]
 MOST = 0.95
-WITHOUT = {"open-set": "nearest refuses nothing"}
 
 
 def right_at_once(config):
@@ -23,18 +22,6 @@ def right_at_once(config):
     if words.get("explore") == "information":  # the same touches; which of them it cannot choose
         words["explore"] = "blind"
     return perform(run_config(**words)).summary["accuracy"][0]
-
-
-@pytest.mark.parametrize("name", [name for name in suites() if name not in WITHOUT])
-def test_nearest_is_in_every_table(name):
-    _, configs = read(name)
-    assert "nearest" in {config.estimator for config in configs}
-
-
-@pytest.mark.parametrize("name", DEFAULT_TASKS)
-def test_no_default_task_tests_at_the_training_poses(name):
-    for config in read(name)[1]:
-        assert config.on_demand or config.scan_options.test_poses == "random"
 
 
 @pytest.mark.parametrize("explore", ["random", "blind"])

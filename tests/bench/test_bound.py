@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from scipy.stats import norm
 
 import tactsim
 from tactsim import models
 from tactsim.bench.bound import cramer_rao, pose_information, response
-from tactsim.bench.bound.bound import find_bound
 from tactsim.bench.bound.scan_information import scan_information
-from tactsim.bench.config import run_config
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
@@ -31,7 +28,6 @@ BAR = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=25.0)
         ([4.0], 2 * np.sqrt(2 / np.pi)),
         ([1.0, 1.0], np.sqrt(np.pi / 2)),
         ([9.0, 9.0, 9.0], 6 * np.sqrt(2 / np.pi)),
-        ([1.0, 0.0, 0.0], np.sqrt(2 / np.pi)),
         ([1e-12, 1e-12, 1e-12], 2e-6 * np.sqrt(2 / np.pi)),
     ],
 )
@@ -39,13 +35,7 @@ def test_mean_length_of_a_gaussian_in_closed_form(variances, length):
     assert cramer_rao.mean_length(np.array(variances)) == pytest.approx(length, rel=1e-9)
 
 
-@given(arrays(float, 3, elements=st.floats(1e-4, 1e2)))
-def test_mean_length_lies_between_the_bounds_of_jensen(variances):
-    length, rms = float(cramer_rao.mean_length(variances)), np.sqrt(variances.sum())
-    assert np.sqrt(2 / np.pi) * rms * (1 - 1e-9) <= length <= 0.9214 * rms
-
-
-@pytest.mark.parametrize("walk", [(0.5, 0.03), (0.5, 0.0), (0.0, 0.1), (0.0, 0.0)])
+@pytest.mark.parametrize("walk", [(0.5, 0.03), (0.5, 0.0), (0.0, 0.0)])
 def test_the_bound_of_a_walk_is_the_covariance_of_kalmans_filter(walk):
     """A linear toy, whose object does not turn: prediction and update as Kalman (1960) has them."""
     rng = np.random.default_rng(4)
@@ -194,20 +184,12 @@ def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_
     ("changes", "said"),
     [
         ({"sensor": {"lag": 0.2}}, "lag"),
-        ({"sensor": {"ghosting": "floating"}}, "ghosting"),
         ({"sensor": {"noise": 0.0, "resolution": 0.0}}, "noise"),
-        ({"sensor": {"random_taxels": 1.0}}, "random_taxels"),
     ],
 )
 def test_a_sensor_that_is_no_reading_plus_noise_has_no_bound(changes, said):
     with pytest.raises(InputError, match=said):
         response.noise_variance(tactsim.ScanOptions(**changes).sensor)
-
-
-def test_readings_that_do_not_say_how_they_were_pressed_have_no_bound():
-    scan = tactsim.scan(letters="I", noise="off")
-    with pytest.raises(InputError, match="do not say how they were pressed"):
-        scan_information(replace(scan, meta={}))
 
 
 def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(here):
@@ -225,22 +207,3 @@ def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(her
     drift = tactsim.run(**words, slip={"drift_mm": 0.1})
     assert drift.bounds is None
     assert "drift" in drift.about["no_bound"]
-
-
-def test_a_motion_without_a_bound_is_refused_before_any_work():
-    def progress(*told):
-        raise AssertionError(f"work was begun: {told}")
-
-    config = run_config(letters="I", trials=1, readings=2, slip={"jump_mm": 5})
-    with pytest.raises(InputError, match="without jump or drift"):
-        find_bound(config, progress=progress)
-
-
-@pytest.mark.long
-def test_the_picture_of_a_bound_has_no_half_readings_and_says_what_all_in_it_is():
-    figure = find_bound(run_config(letters="I", trials=1, readings=3)).plot()
-    for axes in figure.axes:
-        ticks = axes.get_xticks()
-        assert (ticks == np.round(ticks)).all()
-        key = [text.get_text() for text in axes.get_legend().get_texts()]
-        assert len(key) == len(axes.lines) + len(axes.collections)

@@ -15,7 +15,7 @@ from command_line import BENCH, Bench, refused
 
 from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
-from tactsim.bench.cli.app import VERBS, load, said_of
+from tactsim.bench.cli.app import load, said_of
 from tactsim.bench.experiment import perform
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
@@ -24,30 +24,15 @@ SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
 
 
 def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
-    result = bench("run", "--estimator", "histogram", *SMALL, "--verbose", "--out", "here")
+    result = bench("run", "--estimator", "histogram", *SMALL, "--letters", "AE", "--verbose", "--out", "here")
     assert result.returncode == 0, result.stderr
-    for word in ("right", "95 % interval", "error mm", "eq. 3", "time", "work", "90 % in mm", "10 x 10 x 10"):
-        assert word in result.stdout
+    shown = results.load(tmp_path / "here")
+    assert f"right after 4 readings: {shown.accuracy[3]:.2f} (95 % interval " in result.stdout
+    assert f"error {shown.error_mm[3]:.2f} mm" in result.stdout
     names = {path.name for path in (tmp_path / "here").iterdir()}
     tables = {"trials.csv", "times.csv"}
     assert names == tables | {"run.json", "summary.json", "times.json", "readings.png", "maps.png"}
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_run_says_its_headline_first_and_the_rest_if_asked(here, tmp_path):
-    words = ["run", "--estimator", "histogram", "--trials", "1", "--readings", "30", "--bins", "1000"]
-    said = here(*words, "--test-poses", "same", "--out", "a run").stdout.splitlines()
-    shown = results.load(tmp_path / "a run")
-    assert said[0].startswith("histogram 10 x 10 x 10")
-    assert said[1].startswith("A E I O U: 1 trial each, test poses same")
-    assert said[2].startswith(f"right after 5 readings: {shown.accuracy[4]:.2f} (95 % interval ")
-    assert said[2].endswith(f"error {shown.error_mm[-1]:.2f} mm after 30")
-    assert said[3].endswith("the paper, on a real pad: 100 % from 46 on (histogram filter, 1,000 bins)")
-    rows = [line.split()[0] for line in said[5:12]]
-    assert rows == ["1", "2", "3", "5", "10", "20", "30"]
-    assert "next     bench report 'a run'" in "\n".join(said)
-    for word in ("likelihood evaluations", "eq. 3", "held", "all mm"):
-        assert not any(word in line for line in said)
 
 
 def test_beside_a_run_in_other_poses_it_is_said_that_the_papers_were_its_trainings(here):
@@ -64,11 +49,8 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
     )
     words = ["--estimator", "histogram", *SMALL, "--letters", "E", "--shape", "bar.svg", "--out", "own"]
     ran = here("run", *words)
-    said = ran.stderr.splitlines()
-    first = said.index("bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline")
-    assert said[first + 1 : first + 5] == ["  " + 32 * "#"] * 4, "5 mm at 1.25 mm a line"
+    assert "bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline" in ran.stderr.splitlines()
     assert "bar: " in ran.stdout
-    assert "right after 4\n" in ran.stdout
     assert (tmp_path / "own" / "shapes.png").read_bytes().startswith(b"\x89PNG")
     (tmp_path / "bar.svg").rename(tmp_path / "gone.svg")
     assert here("report", "own").returncode == 0
@@ -81,10 +63,9 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
     ("words", "says"),
     [
         ("--particles 100", "has none; add --estimator particle, or one of augmented-mcl"),
-        ("--estimator particle --bins 10", "has none; add --estimator histogram"),
         (
             "--estimator nearest --particles 100",
-            "nearest has no budget; leave it out, or take one of particle, aug",
+            "nearest has no budget; leave it out, or take one of particle",
         ),
     ],
 )
@@ -92,14 +73,11 @@ def test_a_budget_that_an_estimator_does_not_have_is_refused_with_those_that_hav
     refused(here("run", *words.split()), says)
 
 
-@pytest.mark.parametrize(
-    ("typed", "offered"), [("bench ta", {"table", "tasks", "tare"}), ("bench run --verb", {"--verbose"})]
-)
-def test_the_shell_completes_verbs_and_their_options(bench, typed, offered):
+def test_the_shell_completes_options_of_a_verb(bench):
     bench.environment |= {
-        "_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" ")),
+        "_BENCH_COMPLETE": "complete_bash", "COMP_WORDS": "bench run --verb", "COMP_CWORD": "2",
     }  # fmt: skip
-    assert set(bench().stdout.split()) == offered
+    assert bench().stdout.split() == ["--verbose"]
 
 
 def test_without_a_terminal_progress_is_a_plain_line_now_and_then(monkeypatch, capsys):
@@ -118,9 +96,7 @@ def test_a_run_that_is_asked_for_the_bound_shows_and_keeps_it(here, tmp_path):
     plain, bounded = here(*words, "--out", "plain"), here(*words, "--bound", "--out", "bounded")
     assert "bound" not in plain.stdout
     assert "x bound" in bounded.stdout
-    assert {p.name for p in (tmp_path / "bounded").iterdir()} - {
-        p.name for p in (tmp_path / "plain").iterdir()
-    } == {"bounds.csv"}
+    assert (tmp_path / "bounded" / "bounds.csv").is_file()
     same = [(tmp_path / folder / "trials.csv").read_bytes() for folder in ("plain", "bounded")]
     assert same[0] == same[1]
     assert "--bound" in json.loads((tmp_path / "plain" / "run.json").read_text())["no_bound"]
@@ -139,26 +115,15 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
 
 
 def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
-    words = [
-        "--letters",
-        "AEO",
-        "--hold-out",
-        "O",
-        "--estimator",
-        "tempered",
-        "--particles",
-        "600",
-        "--out",
-        "here",
-    ]
-    run = here("run", *words, "--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--json")
+    words = ["--letters", "AEO", "--hold-out", "O", "--estimator", "refined", "--bins", "600"]
+    words += ["--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--out", "here"]
+    run = here("run", *words, "--json")
     answer = json.loads(run.stdout)
     assert answer["hold_out"] == ["O"]
     assert "O held out" in answer["protocol"]
     assert len(answer["refused_unknown"]) == len(answer["refused_known"]) == 8
     assert set(answer["confusion"]) == {"A", "E", "O"}
     assert "O" not in {label for row in answer["confusion"].values() for label in row}
-    assert here("report", "here").returncode == 0
     assert here("compare", "here", "here").returncode == 0
 
 
@@ -177,7 +142,6 @@ def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     answer = json.loads(here("run", *words, "--trials", "2", "--json").stdout)
     assert answer["letters"] == ["O"]
     assert set(results.load(tmp_path / "few").trials.truth) == {"O"}
-    assert here("report", "few").returncode == 0
     refused(here("run", *words, "--letters", "I"), "no test readings of letter 'I'")
 
 
@@ -199,9 +163,8 @@ def test_a_scan_keeps_the_images_of_each_press_if_asked_to(scan_through_time):
     assert f"{len(scan.sequence_times)} images of each press" in result.stdout
     assert scan.sequence.shape == (2 * 16, len(scan.sequence_times), 36)
     touching = scan.sequence_force[:, -1] > 0
-    assert (
-        np.abs(scan.sequence[touching, -1] - scan.readings[touching]).std() < 2 * 2.0
-    )  # both with noise of 2 kPa
+    both_noisy = scan.sequence[touching, -1] - scan.readings[touching]  # each with noise of 2 kPa
+    assert both_noisy.std() < 2 * 2.0
 
 
 BAD = {
@@ -210,49 +173,22 @@ BAD = {
     "option": (["run", "--binz", "3"], ["--binz"]),
     "an estimator's option": (["run", "--halvings", "3"], ["--halvings", "--set NAME=VALUE"]),
     "set": (["run", "--set", "bin=3"], ["bin", "did you mean 'bins'"]),
-    "set twice": (["run", "--set", "gamma=0.3", "--set", "gamma=0.4"], ["gamma is given twice"]),
     "set without =": (["run", "--set", "bins"], ["key=value"]),
     "scan-set": (["run", "--scan-set", "press.forse=1"], ["press.forse", "did you mean 'press.force'"]),
-    "a group misspelt": (
-        ["run", "--scan-set", "presss.force=1"],
-        ["presss.force", "did you mean 'press.force'"],
-    ),
     "a value for a group": (["run", "--scan-set", "press=5"], ["press is a group", "'5'", "press.force"]),
-    "a picture of another kind": (["bound", "--out", "b.jpg"], ["b.jpg", "FILE.png"]),
     "a report of a file": (["report", "file"], ["file: there is no such folder"]),
-    "a bundle of another kind": (
-        ["submit", "letters-v1", "--estimator", "nearest", "--out", "b.txt"],
-        ["--out b.txt", "FILE.zip"],
-    ),
+    "a file of another kind": (["scan", "--out", "s.npy"], ["--out s.npy", "FILE.npz"]),
     "readings": (["run", "--readings", "193"], ["193", "192"]),
-    "no noise": (["run", "--noise", "none"], ["noise", "'none'", "kPa, or 'off'"]),
-    "bytes for a text": (["sweep", "bytes.toml"], ["bytes.toml is not text in UTF-8, from byte 3 on"]),
     "world": (["run", "--world", "mars"], ["mars", "paper-like"]),
     "out is a file": (["run", "--out", "file"], ["file"]),
     "out is full": (["run", "--out", "full"], ["full", "holds something"]),
-    "a press too short for its ramp": (
-        [
-            "scan",
-            "--out",
-            "x.npz",
-            "--scan-set",
-            "press.dynamics=full",
-            "--scan-set",
-            "press.time_limit=0.05",
-        ],
-        ["time_limit", "ramp"],
-    ),
-    "a scan as an array": (["scan", "--out", "s.npy"], ["--out s.npy", "FILE.npz"]),
-    "verb": (["rum"], ["rum"]),
-    "a sweep into a file": (["sweep", "quick", "--out", "file"], ["--out file", "is a file", "new folder"]),
     "a run into no disk": (["run", "--out", "/proc/x"], ["--out /proc/x", "cannot be written"]),
-    "no sweep": (["sweep", "nowhere"], ["nowhere", "paper"]),
+    "verb": (["rum"], ["rum"]),
+    "bytes for a text": (["sweep", "bytes.toml"], ["bytes.toml is not text in UTF-8, from byte 3 on"]),
+    "a sweep into a file": (["sweep", "quick", "--out", "file"], ["--out file", "is a file", "new folder"]),
     "no letters of a scan": (["run", "--scan", "io.npz", "--letters", ","], ["letters names none", "I, O"]),
     "held out": (["run", "--letters", "AE", "--hold-out", "Q"], ["hold out", "'Q'", "A, E"]),
     "all held out": (["run", "--letters", "AE", "--hold-out", "A,E"], ["--hold-out", "train"]),
-    "held out without commas": (["run", "--hold-out", "AEI"], ["--hold-out", "AEI", "commas", "A,E,I"]),
-    "list": (["list", "weather"], ["weather", "estimators"]),
-    "list of one": (["list", "estimators", "histogramm"], ["did you mean 'histogram'"]),
     "explore": (
         ["run", "--estimator", "nearest", "--explore", "information"],
         ["nearest", "explore at random"],
@@ -274,9 +210,7 @@ def test_wrong_input_is_one_line_and_exit_status_2(here, tmp_path, scan_file, ca
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    "words", [["run"], ["run", "--explore", "blind"], ["run", "--scan-set", "pad.columns=8"], ["bound"]]
-)
+@pytest.mark.parametrize("words", [["run"], ["run", "--explore", "blind"], ["bound"]])
 def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_cache, words):
     refused(here(*words, "--readings", "500", "--letters", "IO"), "500 readings", "'I' has", "at most")
     assert not list(own_cache.iterdir())
@@ -286,8 +220,6 @@ def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_c
     "words",
     [
         ["run", "--scan", "bad.npz"],
-        ["run", "--scan", "two.npz", "--train-scan", "bad.npz"],
-        ["bound", "--scan", "bad.npz"],
         ["live", "--port", "simulated:I@0,0,0", "--train-scan", "bad.npz"],
         ["validate", "--simulated", "two.npz", "--recorded", "bad.npz"],
     ],
@@ -319,7 +251,7 @@ def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", ["run", "list", "emulate"])
 def test_the_help_says_of_a_verb_what_its_docstring_does(verb):
     assert load(verb).help.partition("\n")[0] == said_of(verb)
 

@@ -87,7 +87,7 @@ def test_the_bootstrap_interval_is_near_the_normal_one_for_many_pairs():
     assert high == pytest.approx(difference.mean() + half, abs=0.1 * half)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 6, 7, 12, 20, 29])
+@pytest.mark.parametrize("count", [1, 6, 7, 29])
 @pytest.mark.parametrize("draw", ["normal", "laplace"])
 def test_few_equal_pairs_are_called_different_no_more_often_than_stated(count, draw):
     rng = np.random.default_rng(count)
@@ -116,15 +116,8 @@ def test_runs_of_other_trials_or_protocols_are_not_compared():
     ("changes", "said"),
     [
         (
-            {
-                "seed": 1,
-                "trials": 3,
-                "readings": 9,
-                "shapes": ["a.stl"],
-                "test_poses": "same",
-                "scan": "a.npz",
-            },
-            "same trials; give both the same --seed, --shape, --trials, --readings, --test-poses, --scan",
+            {"seed": 1, "shapes": ["a.stl"], "scan": "a.npz"},
+            "same trials; give both the same --seed, --shape, --scan",
         ),
         ({"estimator": "tempered", "bins": 5}, "same trials; their options are the same"),
     ],

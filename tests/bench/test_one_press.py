@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_trials import Witness
 
 import tactsim
 from tactsim.bench.placement import properties
 from tactsim.bench.runs.pooled import pool
 from tactsim.bench.trials import OneTrial, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
-from tactsim.estimators import Estimate, Estimator, Options
+from tactsim.estimators import Estimate, Options
 
 PRESSES, WINDOWS = 4, 6
 
@@ -33,42 +34,29 @@ def windows(letters="AB"):
     )  # fmt: skip
 
 
-class Heard(Estimator):
-    def __init__(self):
-        super().__init__(Options())
-        self.heard = []
-
-    def fit(self, scan):
-        pass
-
-    def reset(self, rng):
-        self.heard = []
-
-    def update(self, reading, sensor_in_robot):
-        self.heard.append((np.array(reading), np.array(sensor_in_robot)))
-
+class Heard(Witness):
     def estimate(self):
         return Estimate("A", {"A": 1.0}, np.zeros(3))
 
 
 def test_a_trial_takes_one_press_and_presses_take_turns():
     scan = windows()
-    run = tactsim.run(scan=scan, estimator=Heard(), trials=PRESSES, readings=5)
+    run = tactsim.run(scan=scan, estimator=Heard(Options()), trials=PRESSES, readings=5)
     test = {letter: scan.where("test", letter) for letter in "AB"}
     plan, taken = run.plan, []
     for trial in range(PRESSES):
-        estimator = Heard()
+        estimator = Heard(Options())
         run_trial(
             estimator, test["B"], OneTrial("B", trial), letters="AB", readings=5, seed=0,
             of=properties(scan)["B"], press=plan.press,
         )  # fmt: skip
-        pressed = {int(reading[0]) for reading, _ in estimator.heard}
+        pressed = {int(reading[0]) for reading, _ in estimator.seen}
         assert len(pressed) == 1
         taken += pressed
         # What is true of the touches is how they lie to the first, and no more.
         own = test["B"].chosen(test["B"].readings[:, 0] == taken[-1])
-        poses = np.array([own.poses[own.readings[:, 1] == reading[1]][0] for reading, _ in estimator.heard])
-        told = np.array([pose for _, pose in estimator.heard])
+        poses = np.array([own.poses[own.readings[:, 1] == reading[1]][0] for reading, _ in estimator.seen])
+        told = np.array([pose for _, pose in estimator.seen])
         apart, expected = compose(invert(told[0]), told), compose(invert(poses[0]), poses)
         assert np.allclose(apart[:, :2], expected[:, :2], rtol=0, atol=1e-6)
         assert np.hypot(*told[0, :2]) > 100
@@ -77,7 +65,7 @@ def test_a_trial_takes_one_press_and_presses_take_turns():
 
 
 def test_nobody_knows_the_placement_error():
-    run = tactsim.run(scan=windows(), estimator=Heard(), trials=2, readings=3)
+    run = tactsim.run(scan=windows(), estimator=Heard(Options()), trials=2, readings=3)
     assert np.isnan(run.trials.credibility).all()
     assert run.summary["error_mm"] == [None] * 3
     assert run.summary["error_all_mm"] == [None] * 3

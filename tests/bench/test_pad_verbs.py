@@ -19,7 +19,7 @@ def right(result):
 
 def test_devices_are_listed(here):
     out = right(here("devices"))
-    for word in ("ports", "sources", "recording", "simulated", "codecs", "Time [ms]", "singletact-5x5"):
+    for word in ("recording", "simulated", "singletact-5x5"):
         assert word in out
     found = json.loads(right(here("devices", "--json")))
     assert {"ports", "sources", "codecs", "device_files"} == set(found)
@@ -42,16 +42,6 @@ def test_a_probe_of_something_else_shows_its_bytes(bench, here):
         result = here("probe", "--port", name, "--device", "singletact-5x5")
     refused(result, "no whole frame of 'SingleTact 5x5 array'", "baud rate")
     assert "aa 55" in result.stderr
-
-
-@pytest.mark.long
-def test_an_emulated_pad_that_is_ended_leaves_no_link(bench, tmp_path):
-    process = bench.start("emulate", "--port", "pty:pad")
-    assert process.stdout.readline().strip() == "pad"
-    assert (tmp_path / "pad").is_symlink()
-    process.terminate()
-    process.wait(30)
-    assert not (tmp_path / "pad").is_symlink()
 
 
 @pytest.mark.long
@@ -120,10 +110,6 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     )
     words = ["replay", "array.csv", "--device", "array.toml", "--marks", "marks.csv", "--cut", "5x5"]
     refused(here(*words), "name it with --scan")
-    refused(
-        here(*words, "--scan", "m.npz", "--moments", "1"),
-        "--moments '1': give a whole number from 2 to 20, auto, or off",
-    )
     refused(here(*words, "--scan", "m.npz", "--moments", "4"), "no press of the recording shows a plateau")
     narrow = right(here(*words[:-1], "16x16", "--scan", "narrow.npz"))
     assert "too small for test touches at places of their own" in narrow
@@ -131,14 +117,9 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     made = Scan.load(tmp_path / "touches.npz")
     assert made.readings.shape == (144, 25)
     assert made.meta["objects"] == {}  # a label may be an object of one's own, whatever it is called
-    shown = right(here(*words, "--letters", "A", "--scan", "letters.npz"))
-    assert "A: placements count as those of the catalogue's letters" in shown
+    right(here(*words, "--letters", "A", "--scan", "letters.npz"))
     assert Scan.load(tmp_path / "letters.npz").meta["objects"]["A"]["symmetry"] == 1
     refused(here(*words, "--letters", "Q", "--scan", "q.npz"), "no reading is of the letter 'Q'", "are A")
-    refused(
-        here("replay", "array.csv", "--device", "array.toml", "--letters", "A"),
-        "--letters says what labels of --marks",
-    )
 
 
 @pytest.mark.parametrize(
@@ -146,20 +127,12 @@ def test_a_large_array_is_cut_into_touches(here, tmp_path):
     [
         (["probe", "--port", "/dev/nothing"], ["there is no such port", "bench devices"]),
         (["probe", "--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'", "'emulated'"]),
-        (["probe", "--port", "x", "--device", "no.toml"], ["cannot read device file no.toml"]),
-        (["run", "--port", "x", "--pad", "emulated", "--device", "emulated"], ["are one option"]),
         (["tare", "--port", "simulated:A", "--out", "t.toml"], ["something touches the pad"]),
-        (["tare", "--port", "x", "--out", "t.toml", "--load", "5"], ["gains need both"]),
         (["record", "--port", "simulated:A", "--out", "a.npz", "--letter", "A"], ["never lifted", ":hand"]),
         (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--force", "3"], ["LEAST:MOST"]),
-        (["record", "--port", "x", "--out", "a.npz", "--letter", "A", "--poses", "many"], ["random:N"]),
         (["record", "--port", "x", "--out", "a.csv"], ["FILE.tactrec", "bench replay FILE.tactrec --csv"]),
-        (["record", "--port", "x", "--out", "a.tactrec", "--letter", "A"], ["names the scan, FILE.npz"]),
-        (["record", "--port", "x", "--out", "a.tactrec", "--seconds", "0"], ["--seconds", "of at least 0.1"]),
-        (["replay", "r.tactrec", "--stride", "2"], ["--stride says", "--cut"]),
         (["replay", "nothing.tactrec"], ["cannot read recording nothing.tactrec"]),
         (["emulate", "--port", "tcp:x"], ["tcp:[HOST:]PORT"]),
-        (["emulate", "--pose", "1,2,3"], ["--pose is where", "--letter"]),
         (["emulate", "--hold", "3"], ["--hold times presses, and nothing is pressed", "--letter"]),
     ],
 )
@@ -206,80 +179,47 @@ def test_a_mark_may_not_be_called_none(here, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("angles", "every", "within"),
-    [(4, 2, 0.03 * np.sqrt(6)), pytest.param(12, 1, 0.03, marks=pytest.mark.slow)],
-)
-def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatch, angles, every, within):
+def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatch):
     """The recording is another simulation, whose parameters are known and have to be found.
 
-    A sixth of the presses is enough for a point spread as much less exact as the root of six.
+    A sixth of a scan's presses finds the point spread to 0.03 mm times the root of six.
     """
-    monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", angles)
+    monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
     right(here("scan", "--letters", "E", "--out", "simulated.npz"))
     truth = {"sensor.psf_sigma": 1.4, "sensor.noise": 3, "press.force": 2.5, "placement_mm": 0.5}
     changes = [word for name, value in truth.items() for word in ("--scan-set", f"{name}={value}")]
     right(here("scan", "--letters", "E", "--seed", "5", "--out", "whole.npz", *changes))
     whole = Scan.load(tmp_path / "whole.npz")
-    few = slice(None, None, every)
+    few = slice(None, None, 2)
     Scan(  # as a recording with a dead taxel would be
         np.delete(whole.readings[few], 17, axis=1), whole.poses[few], whole.labels[few], whole.split[few],
         np.delete(whole.taxel_xy, 17, axis=0), {"source": "recorded"},
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
-    ablate = ["--ablate"] if every == 1 else ["--estimator", "histogram"]
-    out = right(here(*words, "--simulated", "simulated.npz", "--out", "result", *ablate))
-    for word in ("rms kPa", "point spread", "eq. 3", "held out", "as fitted", "bench scan --world"):
-        assert word in out
+    words += ["--estimator", "histogram"]
+    right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
-    if every == 1:
-        assert "trained in a world with" in out
-        assert [row["with"] for row in before["worlds"]][::8] == ["as simulated", "tilt, layer and wrist"]
-        last, fitted = before["worlds"][-1], before["recognition"]["refined"]["fitted"]  # of the same world
-        assert last["accuracy"] == fitted["accuracy"][before["drop_at"] - 1]
-    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=within)
+    assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=0.03 * np.sqrt(6))
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
     assert before["errors"]["fitted"]["rms"] < before["errors"]["as_it_is"]["rms"]
     right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
-    after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--estimator", "histogram", "--json")))
+    after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
     assert after["errors"]["as_it_is"]["rms"] < before["errors"]["as_it_is"]["rms"]
     assert after["fit"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert after["class_agreement"] > before["class_agreement"] - 0.02
-    train_on_one = [
-        "run",
-        "--scan",
-        "recorded.npz",
-        "--train-scan",
-        "nearer.npz",
-        "--trials",
-        "1",
-        "--readings",
-        "4",
-    ]
-    assert "right after" in right(here(*train_on_one, "--estimator", "nearest", "--out", "run"))
 
 
 @pytest.mark.long
 def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_path):
-    """Its world is written with `no_seam`, read again and pressed; twenty copies of a press count as one.
-
-    Its taxels and contacts are uneven, and the pad that is scanned in its world is, too.
-    """
+    """Its world is written with `no_seam`, read again and pressed; twenty copies of a press count as one."""
     (tmp_path / "pad.toml").write_text(
         "rows = 4\ncolumns = 5\npitch_x = 3\npitch_y = 2.5\ntaxel_width = 2.8\ntaxel_height = 2.5\n"
         "no_seam = true\nunread_columns = 0\n"
     )
-    of_pad = [
-        "scan",
-        "--letters",
-        "E,U",
-        "--scan-set",
-        "pad=pad.toml",
-        "--scan-set",
-        "press.wrist_stiffness=rigid",
-    ]
+    rigid = ["--scan-set", "press.wrist_stiffness=rigid"]
+    of_pad = ["scan", "--letters", "E,U", "--scan-set", "pad=pad.toml", *rigid]
     right(here(*of_pad, "--out", "simulated.npz"))
     right(here(*of_pad, "--scan-set", "sensor.noise=0.02", "--scan-set", "sensor.resolution=0", "--seed", "3",
                "--out", "other.npz"))  # fmt: skip
@@ -288,29 +228,22 @@ def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_pa
     rows = np.repeat(few, 20)
     rng = np.random.default_rng(1)
     noise = rng.normal(0, 0.5, (len(rows), 20))
-    gain = np.maximum(1 + 0.3 * rng.standard_normal(20), 0)
-    factor = np.maximum(gain + 0.4 * rng.standard_normal((len(few), 20)), 0)
     split = np.where(np.arange(len(rows)) % 20 < 10, "train", "test")
     meta = {"source": "recorded", "unit": "count"}
-    readings = 40 * np.repeat(factor, 20, axis=0) * other.readings[rows] + noise
+    readings = 40 * other.readings[rows] + noise
     Scan(readings, other.poses[rows], other.labels[rows], split, other.taxel_xy, meta).save(
         tmp_path / "recorded.npz"
     )
     words = ["--estimator", "histogram", "--set", "bins=200", "--trials", "1", "--out", "result"]
     pair = ["--simulated", "simulated.npz", "--recorded", "recorded.npz"]
-    result = here("validate", *pair, *words)
-    assert f"fitted to {len(rows) // 2} training ones, near copies averaged to {len(few)}" in right(result)
-    for stage in ("fitting", "pressing", "trials"):
-        assert f"{stage}: " in result.stderr
+    said = right(here("validate", *pair, *words))
+    assert f"fitted to {len(rows) // 2} training ones, near copies averaged to {len(few)}" in said
     found = json.loads((tmp_path / "result" / "validation.json").read_text())
     assert found["fit"]["noise"] > 0.4  # of single presses; that of the means is 0.16
     assert found["parameters"]["sensor"]["noise"] == pytest.approx(found["fit"]["noise"], rel=1e-4)
-    # Whose a difference is, two letters on 20 taxels do not tell; how large all are together they do.
-    assert np.hypot(found["fit"]["gain_spread"], found["fit"]["texture"]) == pytest.approx(0.5, abs=0.2)
     right(here("scan", "--world", "result/world.toml", "--out", "fitted.npz"))
     fitted = Scan.load(tmp_path / "fitted.npz")
     assert fitted.meta["options"]["pad"] == other.meta["options"]["pad"]
-    assert fitted.meta["options"]["sensor"]["texture"] == found["parameters"]["sensor"]["texture"] > 0.2
     assert fitted.about["units"]["readings"] == "count"
     assert np.array_equal(fitted.taxel_xy, other.taxel_xy)
 
@@ -344,11 +277,7 @@ def test_presses_that_cannot_be_what_was_simulated_are_refused(here, tmp_path):
 
     idle = scan.readings.copy()
     idle[near] = 0.0
-    refused_for(
-        "of the 192 presses of 'A' these are idle frames, which feel next to nothing where the simulation touches: "
-        f"{numbers};",
-        idle,
-    )
+    refused_for("of the 192 presses of 'A' these are idle frames", idle)
     turned = scan.readings.copy()
     turned[near] = 0.0
     turned[near, scan.readings[near].argmin(axis=1)] = 50.0

@@ -19,12 +19,13 @@ from small_runs import make_run_in
 import tactsim
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
+from tactsim.bench.paper import in_figure
 from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
 from tactsim.bench.report.pareto import frontier, points
-from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, MARKERS, look, readings_figure
+from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, readings_figure
 from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
@@ -61,15 +62,6 @@ def rows_of(path):
         return list(csv.DictReader(stream))
 
 
-@pytest.mark.long
-def test_the_files_stand_beside_the_page(report):
-    assert {path.name for path in report.parent.iterdir()} == {
-        "report.html", "readings.csv", "pareto.csv", "confusion.csv", "recognition.csv", "reliability.csv",
-        "pareto.png", "pareto.svg", "pareto.pdf",
-        "readings.png", "readings.svg", "readings.pdf", "readings-2.svg", "readings-2.pdf",
-    }  # fmt: skip
-
-
 FOREIGN = {
     "report.html": "<title>My notes</title>",
     "readings.csv": "time,kPa\n0,1\n",
@@ -86,16 +78,12 @@ def test_a_report_replaces_nothing_that_is_of_no_report(runs, tmp_path, name):
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, FOREIGN[name])]
 
 
-def test_a_report_replaces_an_older_one(runs, tmp_path):
+def test_a_report_replaces_an_older_one_and_the_same_runs_give_the_same_bytes(runs, tmp_path):
     page = tmp_path / "r.html"
     written, _ = write_report([runs.small], page)
+    before = [path.read_bytes() for path in written]
     assert write_report([runs.small], page)[0] == written
-
-
-def test_the_same_runs_give_the_same_bytes(runs, report, tmp_path):
-    write_report([runs.small, runs.large, runs.off_grid], tmp_path / "report.html")
-    for path in report.parent.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+    assert [path.read_bytes() for path in written] == before
 
 
 def test_the_page_names_no_other_place(report):
@@ -113,10 +101,6 @@ def test_two_protocols_share_no_section(report):
     labels = [[run["folder"] for task in of["tasks"] for run in task["runs"]] for of in data["protocols"]]
     assert [len(one) for one in labels] == [2, 1]
     assert [of["name"].split(",")[0] for of in data["protocols"]] == ["test poses same", "test poses random"]
-    assert [of["title"] for of in data["protocols"]] == [
-        "Tested at the poses of training, touches in random order",
-        "Tested at random poses, touches in random order",
-    ]
     for name in ("readings", "pareto", "confusion"):
         for row in rows_of(report.with_name(f"{name}.csv")):
             assert ("off-grid" in row["folder"]) == ("random," in row["protocol"])
@@ -168,16 +152,6 @@ def test_confusion_counts_every_trial_at_every_reading(runs, report):
         assert counted == {pair: pairs.count(pair) for pair in set(pairs)}
 
 
-def test_confusion_knows_letters_that_are_said_but_never_true(runs, changed, tmp_path):
-    run = results.load(runs.small)
-    label = run.trials.label.astype("<U9")
-    label[0, -1] = "nothing"
-    folder = changed(runs.small, label=label)
-    write_report([folder], tmp_path / "r.html")
-    rows = rows_of(tmp_path / "r-confusion.csv")
-    assert [row["truth"] for row in rows if row["label"] == "nothing"] == [run.trials.truth[0]]
-
-
 def test_time_is_the_median_trials_whole_sequence():
     trials = make_run(n=3, r=4).trials
     spent = sum(getattr(trials, name)[:, :2].sum(axis=1) for name in ("update_s", "estimate_s", "propose_s"))
@@ -215,16 +189,12 @@ def test_points_are_taken_at_the_readings_that_all_runs_have(runs, tmp_path, cha
 
 TASKS = {
     "defaults": {},
-    "letters AE": {"letters": "AE"},
     "letters A-Z0-9": {"letters": "A-Z0-9"},
     "sensor.noise 4.0": {"noise": 4.0},
-    "seed 3": {"seed": 3},
     "shapes relief: cone.stl, dome.stl": {
         "letters": "none",
         "shapes": ["relief/cone.stl", "relief/dome.stl"],
     },
-    "letters A, shapes relief/cone.stl": {"letters": "A", "shapes": ["relief/cone.stl"]},
-    "paper-like": {"world": "paper-like"},
     "paper-like, press.force 5.0": {"world": "paper-like", "scan_set": {"press": {"force": 5}}},
 }
 
@@ -250,7 +220,6 @@ METHODS = {
     "histogram": ({}, ("bins", "10,000", 10_000)),
     "histogram, gamma 0.3": ({"bins": "3", "gamma": "0.3", "likelihood": "paper"}, ("bins", "3", 3)),
     "refined": ({"split": "4x5x6"}, ("split", "4x5x6", 120)),
-    "particle, rho 1.5": ({"particles": 50, "rho": 1.5}, ("particles", "50", 50)),
 }
 
 
@@ -262,13 +231,6 @@ def test_a_method_is_its_options_without_budget_and_defaults(name):
     run.config["estimator"] = name.partition(",")[0]
     run.about.update(about_estimator(estimator))
     assert (method_name(run), budget(run)) == (name, said)
-
-
-def test_a_method_that_is_not_installed_is_named_by_its_run():
-    run = make_run()
-    run.config["estimator"] = "of another package"
-    run.about.update(settings={"depth": 3, "bins": 7}, budget={"option": "depth", "value": 3})
-    assert (method_name(run), budget(run)) == ("of another package, bins 7", ("depth", "3", 3))
 
 
 def test_runs_of_one_label_are_told_apart_by_their_folder(runs, copied):
@@ -290,29 +252,20 @@ def sweep_folder(tmp_path, copied, places, asked):
 
 @pytest.fixture(scope="module")
 def seeds(tmp_path_factory):
-    """Three runs that differ in the seed alone, under the paper's protocol."""
+    """Three runs that differ in the seed alone."""
     folder = tmp_path_factory.mktemp("seeds")
     return [
-        make_run_in(
-            folder / str(seed),
-            bins=1000,
-            test_poses="same",
-            seed=seed,
-            letters="AEIOU",
-            trials=2,
-            readings=12,
-        )
+        make_run_in(folder / str(seed), bins=1000, letters="AE", seed=seed, trials=2, readings=5)
         for seed in range(3)
     ]
 
 
 def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tmp_path):
     write_report(seeds, tmp_path / "pooled.html")
-    write_report(seeds, tmp_path / "each.html", each_seed=True)
     (protocol,) = data_of(tmp_path / "pooled.html")["protocols"]
     (task,) = protocol["tasks"]
     (run,) = task["runs"]
-    assert (run["scans"], run["trials"]) == (3, 30)
+    assert (run["scans"], run["trials"]) == (3, 12)
     (one,) = pool(results.load(seed) for seed in seeds)
     for name, figure in (("accuracy", "right@5"), ("error", "error@5")):
         found = figure_of(one, figure)
@@ -322,26 +275,17 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
     assert {(row["seed"], row["estimator"], row["budget"]) for row in rows} == {
         ("0 1 2", "histogram", "1000")
     }
-    (protocol,) = data_of(tmp_path / "each.html")["protocols"]
-    assert [run["scans"] for task in protocol["tasks"] for run in task["runs"]] == [1, 1, 1]
-    assert {row["seed"] for row in rows_of(tmp_path / "each-readings.csv")} == {"0", "1", "2"}
+    groups = collect(loaded(seeds), pool_seeds=False)
+    assert [len(entry.runs) for group in groups for entry in group.entries] == [1, 1, 1]
 
 
-def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol(seeds, runs, tmp_path):
-    write_report([seeds[0]], tmp_path / "r.html")
-    (group,) = collect(loaded([seeds[0]]))
-    marks = [line.get_label() for line in readings_figure(group).axes[0].lines]
-    assert marks == ["histogram, 1,000 bins"], "the paper's 46 readings lie beyond these twelve"
-    (task,) = data_of(tmp_path / "r.html")["protocols"][0]["tasks"]
-    (printed,) = task["printed"]
-    assert (printed["readings"], printed["share"], printed["error"], printed["bins"]) == (
-        46,
-        1.0,
-        None,
-        "10 x 10 x 10",
-    )
-    write_report([runs.off_grid], tmp_path / "other.html")
-    assert data_of(tmp_path / "other.html")["protocols"][0]["tasks"][0]["printed"] == []
+def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol():
+    run = make_run()
+    run.about.update(letters=list("AEIOU"), budget={"option": "bins", "value": 1000})
+    assert (in_figure(run).readings, in_figure(run).share) == (46, 1.0)
+    other = {"letters": ["A"], "protocol": "test poses random", "budget": {"option": "bins", "value": 7}}
+    for name, value in other.items():
+        assert in_figure(replace(run, about=run.about | {name: value})) is None
 
 
 def test_a_method_that_copies_a_pose_collapses_no_axis_and_is_noted(tmp_path):
@@ -446,18 +390,16 @@ def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, c
     assert data_of(written[0])["protocols"][0]["recognitions"] == []
 
 
+@pytest.mark.long
 def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path):
-    words = {"letters": ["A", "E", "I"], "estimator": "refined", "trials": 2, "readings": 10}
+    words = {"letters": ["A", "E", "U"], "estimator": "refined", "trials": 1, "readings": 10}
     known, unknown = tactsim.run(**words), tactsim.run(**words, hold_out=["A", "E"])
     assert known.badly_explained is None
-    share = unknown.work["badly_explained"] / 60
-    line = f"{share:.0%} of the readings are explained worse than the training's: lighter presses, another pad, an "
-    assert unknown.badly_explained == f"{line}unknown object?"
+    share = unknown.work["badly_explained"] / 30
+    assert unknown.badly_explained.startswith(f"{share:.0%} of the readings are explained worse")
     assert unknown.badly_explained in headline(unknown)
     _, remarks = write_pages([(tmp_path / "unknown", unknown)], tmp_path / "report.html")
-    assert [one for one in remarks if "explained" in one] == [
-        f"refined, 5,000 bins: {unknown.badly_explained}"
-    ]
+    assert any(unknown.badly_explained in remark for remark in remarks)
 
 
 def test_a_method_that_was_written_in_a_notebook_is_in_the_legend(runs):
@@ -467,15 +409,6 @@ def test_a_method_that_was_written_in_a_notebook_is_in_the_legend(runs):
     (legend,) = readings_figure(group).legends
     assert [text.get_text().strip() for text in legend.get_texts()] == [group.entries[0].label]
     assert group.entries[0].label.startswith("__main__:Mine")
-
-
-def test_a_configuration_of_another_version_is_shown_but_not_done_again(runs, copied, tmp_path):
-    folder = copied(runs.small)
-    content = json.loads((folder / "run.json").read_text())
-    content["config"]["of_tomorrow"] = 1
-    (folder / "run.json").write_text(json.dumps(content))
-    _, remarks = write_report([folder], tmp_path / "r.html")
-    assert "of_tomorrow" in remarks[0]
 
 
 def test_names_cannot_end_the_data(hostile_run, tmp_path):
@@ -526,14 +459,7 @@ def test_a_press_through_time_is_shown_where_readings_have_their_sequence(scan_t
     written, _ = write_report([tmp_path / "run"], tmp_path / "out" / "report.html")
     assert {"press.png", "press.svg"} <= {path.name for path in written}
     (protocol,) = data_of(tmp_path / "out" / "report.html")["protocols"]
-    kind, image = protocol["press"]["image"].split(",")
-    assert kind == "data:image/png;base64"
-    assert base64.b64decode(image).startswith(b"\x89PNG")
-    assert " at x = " in protocol["press"]["title"]
-
-
-def test_no_press_is_shown_of_readings_at_rest(report):
-    assert all(of["press"] is None for of in data_of(report)["protocols"])
+    assert protocol["press"]["image"].startswith("data:image/png;base64,")
 
 
 def test_the_images_shown_run_from_before_touch_to_the_settled_force():
@@ -547,11 +473,5 @@ def test_the_images_shown_run_from_before_touch_to_the_settled_force():
 
 def test_many_methods_all_look_different_and_alike_on_page_and_picture():
     assert len(set(map(look, range(128)))) == 128
-    assert len({colour for colour, _ in map(look, range(16))}) == 16
-    assets = files("tactsim.bench") / "report" / "assets"
-    style = (assets / "page.css").read_text()
-    colours = tuple(re.findall(r"--m\d+: (#\w+);", style))
-    assert colours == COLOURS + DARK_COLOURS + DARK_COLOURS
-    assert re.findall(r"\.m(\d+) \{ --c: var\(--m(\d+)\)", style) == [(str(i), str(i)) for i in range(16)]
-    numbers = re.search(r"const COLOURS = (\d+), MARKS = (\d+);", (assets / "base.js").read_text())
-    assert [int(number) for number in numbers.groups()] == [len(COLOURS), len(MARKERS)]
+    style = (files("tactsim.bench") / "report" / "assets" / "page.css").read_text()
+    assert tuple(re.findall(r"--m\d+: (#\w+);", style)) == COLOURS + DARK_COLOURS + DARK_COLOURS

@@ -9,8 +9,6 @@ from hypothesis.extra.numpy import arrays
 
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import (
-    CURVES,
-    HEADLINES,
     settled_at,
     settled_by,
     summarise,
@@ -105,8 +103,3 @@ def test_coverage_counts_right_letters_of_estimators_that_say_how_sure_they_are(
     silent = replace(trials, credibility=trials.credibility * np.nan, radius_90=trials.radius_90 * np.nan)
     assert summarise(silent, {"A": PLAIN})["coverage_90"] == [None, None]
     assert summarise(silent, {"A": PLAIN})["sharpness_mm"] == [None, None]
-
-
-def test_every_metric_says_what_it_is():
-    for metric in (CURVES | HEADLINES).values():
-        assert (metric.__doc__ or "").strip()

@@ -55,25 +55,10 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
     scan, witness = make_scan(), Witness(Options())
     witness.fit(scan)
     slip = Slip(walk_mm=2, walk_rad=0.2, jump_mm=5)
-    still = run_trial(
-        witness,
-        scan.where("test", "E"),
-        OneTrial("E", 1),
-        letters=scan.letters,
-        readings=12,
-        seed=5,
-        of=PLAIN,
-    )
-    moving = run_trial(
-        witness,
-        scan.where("test", "E"),
-        OneTrial("E", 1),
-        letters=scan.letters,
-        readings=12,
-        seed=5,
-        slip=slip,
-        of=PLAIN,
-    )
+    of_e, task = scan.where("test", "E"), OneTrial("E", 1)
+    words = {"letters": scan.letters, "readings": 12, "seed": 5, "of": PLAIN}
+    still = run_trial(witness, of_e, task, **words)
+    moving = run_trial(witness, of_e, task, slip=slip, **words)
     assert np.array_equal(still.reading, moving.reading)
     assert np.array_equal(still.true_pose[:, 0], moving.true_pose[:, 0])
     assert np.ptp(still.true_pose, axis=1).max() == 0
@@ -102,14 +87,9 @@ def test_the_world_slip_presses_as_the_default_one_and_moves_the_object():
     assert run_config(slip={"walk_mm": "0.5", "walk_rad": 0.03}).digest == slipping.digest
     assert run_config(world="slip", slip={"walk_mm": 1}).moving == Slip(walk_mm=1, walk_rad=0.03)
     assert run_config(slip={"walk_mm": 0}).digest == plain.digest
-    assert slipping.moving.describe() == "walk 0.5 mm 0.03 rad"
 
 
-def test_readings_of_a_file_can_be_of_a_moving_object():
-    assert run_config(scan="some.npz", slip={"jump_mm": 5}).moving == Slip(jump_mm=5)
-
-
-@pytest.mark.parametrize("words", [{"walk_mm": -1}, {"stride": 1}, {"walk_rad": "far"}])
+@pytest.mark.parametrize("words", [{"walk_mm": -1}, {"stride": 1}])
 def test_a_wrong_motion_is_refused_in_one_line(words):
     with pytest.raises(InputError, match="slip: ") as error:
         run_config(slip=words)
@@ -123,37 +103,24 @@ def test_a_world_file_may_name_a_motion(tmp_path):
     assert config.moving == Slip(walk_mm=1)
 
 
-@pytest.mark.parametrize("stated", ["1", "[1]", "'walk'"])
-def test_a_motion_in_a_world_file_that_is_no_table_is_refused_in_one_line(tmp_path, stated):
-    (tmp_path / "loose.toml").write_text(f"slip = {stated}\n")
+def test_a_motion_in_a_world_file_that_is_no_table_is_refused_in_one_line(tmp_path):
+    (tmp_path / "loose.toml").write_text("slip = 'walk'\n")
     for slip in ({}, {"walk_mm": 1}):
         with pytest.raises(InputError, match=r"loose\.toml: slip: .*give a table") as error:
             run_config(world=str(tmp_path / "loose.toml"), slip=slip)
         assert "\n" not in str(error.value)
 
 
-def test_a_scan_says_that_a_worlds_slip_is_in_no_reading(here, tmp_path):
-    (tmp_path / "loose.toml").write_text("[slip]\njump_mm = 3\n")
-    said = here("scan", "--letters", "I", "--world", "loose.toml", "--out", "i.npz").stdout
-    assert "slip is in no reading: `bench run --scan i.npz --slip jump_mm=3.0`" in said
-    assert "slip" not in here("scan", "--letters", "I", "--out", "still.npz").stdout
-
-
 WRONG_WORLDS = {
     "a word for a number": ("press.force = 'much'", "press.force: give a number, got 'much'"),
     "a list that noise would replace": ("sensor = [1]", "sensor is a group of options"),
-    "an unknown option": ("presss.force = 1", "did you mean 'press.force'"),
     "a seed": ("seed = -3", "seed is no option of a world; leave it out, and give --seed"),
-    "poses": (
-        "test_poses = 'same'",
-        "test_poses is no option of a world; leave it out, and give --test-poses",
-    ),
     "a slip": ("slip.walk_mm = -1", "slip: walk_mm: give a number of at least 0, got -1"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG_WORLDS)
-@pytest.mark.parametrize("verb", [["run"], ["run", "--noise", "3"], ["scan", "--out", "x.npz"], ["bound"]])
+@pytest.mark.parametrize("verb", [["run", "--noise", "3"], ["scan", "--out", "x.npz"]])
 def test_a_wrong_world_file_is_named_and_not_replaced(here, tmp_path, case, verb):
     content, said = WRONG_WORLDS[case]
     (tmp_path / "w.toml").write_text(content)

@@ -2,43 +2,34 @@
 
 import numpy as np
 import pytest
+from test_trials import PLAIN, Witness
 
 from tactsim import models
 from tactsim.bench.config import run_config
 from tactsim.bench.experiment import perform
 from tactsim.bench.on_demand import OnDemand
-from tactsim.bench.placement import Properties
-from tactsim.bench.trials import InTurn, OneTrial, run_trial
+from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.core import InputError, Scan, compose
-from tactsim.estimators import Estimate, Estimator, Options
+from tactsim.estimators import Estimate, Options
 from tactsim.press import WORLDS, PressOptions, ScanOptions, press_letter
 
 IDEAL = ScanOptions(**WORLDS["ideal"])
 TRUTH = np.array([4.0, -7.0, 2.0])
 
 
-class Last(Estimator):
+class Last(Witness):
     """Propose the last candidate, and keep what is shown."""
 
     def __init__(self):
         super().__init__(Options())
-        self.shown, self.felt = [], []
-
-    def fit(self, scan):
-        pass
-
-    def reset(self, rng):
-        pass
-
-    def update(self, reading, sensor_in_robot):
-        self.felt.append((reading, sensor_in_robot))
+        self.shown = []
 
     def estimate(self):
         return Estimate("O", {"O": 1.0}, np.zeros(3))
 
     def propose(self, candidates):
         self.shown.append(candidates)
-        return len(candidates) - 1
+        return super().propose(candidates)
 
 
 def trial_of(estimator, press, *, truth="O", trial=0, seed=0, readings=3, explore="information"):
@@ -47,7 +38,7 @@ def trial_of(estimator, press, *, truth="O", trial=0, seed=0, readings=3, explor
     )
     return run_trial(
         estimator, nothing, OneTrial(truth, trial), letters=("O",), readings=readings, seed=seed,
-        of=Properties(1, (0.0, 0.0), 60.0), explore=explore, press=press,
+        of=PLAIN, explore=explore, press=press,
     )  # fmt: skip
 
 
@@ -124,32 +115,16 @@ def test_a_press_that_does_not_come_to_rest_is_no_reading():
     touches = press.touches("O", 0, 0).listed
     assert any(touches.reading(index, TRUTH) is None for index in range(20))
     last = Last()
-    found = trial_of(last, press, readings=40)
-    assert len(last.felt) == 40 < len(last.shown)
-    assert len(set(found.reading[0].tolist())) == 40
+    found = trial_of(last, press, readings=10)
+    assert len(last.seen) == 10 < len(last.shown)
+    assert len(set(found.reading[0].tolist())) == 10
 
 
-class Nothing:
-    """Three touches, none of which gives a reading."""
-
-    options = IDEAL
-
-    def touches(self, truth, trial, seed):
-        return InTurn(self)
-
-    def __len__(self):
-        return 3
-
-    def sensor_in_robot(self, robot_in_object):
-        return np.zeros((3, 3))
-
-    def reading(self, index, robot_in_object):
-        return None
-
-
-def test_an_object_that_no_press_rests_on_is_refused():
-    with pytest.raises(InputError, match="2 readings a trial: no other press of 'O' comes to rest"):
-        trial_of(Last(), Nothing(), readings=2)
+@pytest.mark.long
+def test_a_trial_that_runs_out_of_presses_that_rest_is_refused():
+    press = OnDemand(ScanOptions(placement_tilt=0.0, press=PressOptions(wrist_stiffness=16.0)))
+    with pytest.raises(InputError, match="192 readings a trial: no other press of 'O' comes to rest"):
+        trial_of(Last(), press, readings=192)
 
 
 @pytest.mark.long

@@ -59,8 +59,10 @@ class Blind(Estimator):
 class Witness(Estimator):
     """Note all that is shown, and answer from it."""
 
+    evaluated = 0
+
     def fit(self, scan):
-        self.scan, self.seen, self.evaluated = scan, [], 0
+        self.scan = scan
 
     def reset(self, rng):
         self.seen = []
@@ -174,22 +176,11 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     scan = make_scan()
     witness = Witness(Options())
     witness.fit(scan)
-    trial = run_trial(
-        witness,
-        scan.where("test", "A"),
-        OneTrial("A", 0),
-        letters=scan.letters,
-        readings=5,
-        seed=0,
-        of=PLAIN,
-        explore="information",
-    )
+    of_a, task = scan.where("test", "A"), OneTrial("A", 0)
+    words = {"letters": scan.letters, "readings": 5, "seed": 0, "of": PLAIN, "explore": "information"}
+    trial = run_trial(witness, of_a, task, **words)
     assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
-
-
-def test_evaluations_are_counted_for_each_update():
-    trials = trials_of(Witness(Options()), make_scan(), count=1, readings=3)
-    assert (trials.evaluations == 7).all()
+    assert (trial.evaluations == 7).all()
 
 
 @pytest.mark.parametrize(
@@ -224,7 +215,6 @@ ANSWERS = {
     "nan pose": (Estimate("A", EVEN, np.array([0.0, np.nan, 0.0])), "no finite"),
     "far pose": (Estimate("A", EVEN, np.array([0.0, 1e300, 0.0])), "no finite"),
     "short pose": (Estimate("A", EVEN, np.zeros(2)), "no finite"),
-    "no pose": (Estimate("A", EVEN, None), "no "),
 }
 
 
@@ -238,7 +228,7 @@ def test_an_answer_that_is_no_estimate_names_the_estimator(kind):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("proposal", [None, -1, 20, 0.0, "first", np.nan])
+@pytest.mark.parametrize("proposal", [None, -1, 20])
 def test_a_proposal_that_is_none_names_the_estimator(proposal):
     scan, broken = make_scan(), Broken(Options())
     broken.fit(scan)
@@ -250,9 +240,7 @@ def test_a_proposal_that_is_none_names_the_estimator(proposal):
         )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "counts", [3, [], {"likelihood_evaluations": "many"}, {"skipped": 3}, {"a": np.nan}, {1: 2}]
-)
+@pytest.mark.parametrize("counts", [3, {"likelihood_evaluations": "many"}, {"skipped": 3}])
 def test_counts_that_are_none_are_refused(counts):
     broken = Broken(Options())
     broken.answer, broken.counts = Estimate("A", EVEN, np.zeros(3)), counts
@@ -261,16 +249,12 @@ def test_counts_that_are_none_are_refused(counts):
 
 
 @pytest.mark.parametrize(
-    ("estimator", "size"),
-    [
-        *((name, "particles") for name in ("particle", "augmented-mcl", "tempered")),
-        *((name, "bins") for name in ("histogram", "refined")),
-    ],
+    ("estimator", "size"), [("particle", "particles"), ("tempered", "particles"), ("histogram", "bins")]
 )
 def test_the_smallest_estimators_are_scored_too(estimator, size, tmp_path):
     # With few particles only one is left of a letter: arrays of one row.
     make_scan(letters="AO").save(tmp_path / "scan.npz")
-    words = {"scan": tmp_path / "scan.npz", "trials": 3, "readings": 10, size: 1}
+    words = {"scan": tmp_path / "scan.npz", "trials": 1, "readings": 4, size: 1}
     run = tactsim.run(estimator=estimator, **words)
     assert np.isfinite(run.trials.pose).all()
 
@@ -306,25 +290,18 @@ def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
     assert (trials.right[~held_out] == [True, True, False] * 2).all()
 
 
-@pytest.mark.parametrize("hold_out", [None, "A"])
-def test_a_letter_whose_name_means_no_known_letter_is_refused(tmp_path, hold_out):
+def test_a_letter_whose_name_means_no_known_letter_is_refused(tmp_path):
     scan = make_scan(letters="AE")
     labels = np.where(scan.labels == "E", NONE, scan.labels.astype("U4"))
     Scan(scan.readings, scan.poses, labels, scan.split, scan.taxel_xy).save(tmp_path / "scan.npz")
-    config = run_config(scan=tmp_path / "scan.npz", hold_out=hold_out)
+    how = {"jobs": 1, "cache": False, "progress": silent}
     with pytest.raises(InputError, match="called 'none'"):
-        gather(config, jobs=1, cache=False, progress=silent)
-    assert gather(
-        config.model_copy(update={"letters": ("A",), "hold_out": ()}), jobs=1, cache=False, progress=silent
-    ).letters == ("A",)
-
-
-def test_letters_are_held_out_once_and_in_one_order():
-    assert run_config(hold_out="O,A,O").hold_out == run_config(hold_out="A O").hold_out == ("A", "O")
+        gather(run_config(scan=tmp_path / "scan.npz"), **how)
+    assert gather(run_config(scan=tmp_path / "scan.npz", letters="A"), **how).letters == ("A",)
 
 
 def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(tmp_path):
-    words = {"letters": "EIL", "estimator": "histogram", "bins": 1000, "trials": 2, "readings": 4}
+    words = {"letters": "EIL", "estimator": "histogram", "bins": 1000, "trials": 1, "readings": 4}
     run = tactsim.run(hold_out="each", **words)
     assert not run.trials.known.any()
     assert run.protocol.endswith("each letter held out in turn")
@@ -333,7 +310,7 @@ def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(tmp_p
         ours, theirs = run.trials.truth == letter, alone.truth == letter
         assert (run.trials.reading[ours] == alone.reading[theirs]).all()
         assert (run.trials.label[ours] == alone.label[theirs]).all()
-        assert run.trials.label[ours].tolist() != [[letter] * 4] * 2
+        assert run.trials.label[ours].tolist() != [[letter] * 4]
         assert run.trials.p_label[ours] == pytest.approx(alone.p_label[theirs], abs=1e-6)
     assert run.summary["refused_unknown"] == [0.0] * 4
     assert run.summary["refused_known"] == [None] * 4
