@@ -428,8 +428,7 @@ def test_counts_of_very_many_trials_are_shown_as_they_are(tmp_path):
     arrays = {field.name: getattr(run.trials, field.name) for field in fields(run.trials)}
     many = Trials(**{name: np.repeat(values, 70_000, axis=0) for name, values in arrays.items()})
     many.trial[:] = np.arange(70_000)
-    results.save(replace(run, trials=many), tmp_path / "run")
-    written, _ = write_report([tmp_path / "run"], tmp_path / "report.html")
+    written, _ = write_pages([(tmp_path / "run", replace(run, trials=many))], tmp_path / "report.html")
     place = data_of(written[0])["protocols"][0]["tasks"][0]["runs"][0]["confusion"]["counts"]
     text = re.search(r'id="arrays">(.*?)</script>', written[0].read_text(encoding="utf-8"), re.S)[1]
     content = zlib.decompress(base64.b64decode(text))
