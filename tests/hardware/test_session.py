@@ -9,7 +9,7 @@ from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration, force
 from tactsim.hardware.emulator import Faults, emulate
-from tactsim.hardware.emulator.hand import Follower, Pressing, by_the_clock
+from tactsim.hardware.emulator.hand import Pressing, by_the_clock
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import read_session, scan_of_sessions
@@ -73,7 +73,7 @@ def sliding(speed, rate=100.0):
     return image
 
 
-@pytest.mark.parametrize(("speed", "taken"), [(0.0, 1), (20.0, 0), (-20.0, 0)])
+@pytest.mark.parametrize(("speed", "taken"), [(0.0, 1), (20.0, 0)])
 def test_a_slide_at_constant_force_is_no_press(pad, speed, taken):
     """20 mm/s is 2 mm within a press of ten readings; back and forth, so that it never leaves the pad."""
     image = sliding(speed)
@@ -98,17 +98,17 @@ def test_a_slide_while_a_press_is_read_is_noticed(pad):
     assert session.message == "it moved; hold it still"
 
 
-@pytest.mark.parametrize("noise", [0.1, 2.0, 6.0])
+@pytest.mark.parametrize("noise", [0.1, 6.0])
 def test_a_still_press_is_steady_whatever_its_noise(pad, noise):
-    """Of 200 still presses nearly all are taken at the first go."""
+    """Of 40 still presses nearly all are taken at the first go."""
     first = 0
-    for seed in range(200):
+    for seed in range(40):
         session = Session(plan(frames=20, window=10, touch_kpa=5 * noise), pad)
         hand = Hand(session, table(), seed=seed, noise=noise)
         still = table()[0]
         hand.pressing = lambda now, still=still: still if now > 0.1 else np.zeros(6)
         first += len(hand.steps(10 + 1 + 10 + 20))
-    assert first >= 190
+    assert first >= 38
 
 
 def test_a_loss_voids_the_open_press(pad):
@@ -160,13 +160,6 @@ def test_a_machine_that_gets_nowhere_ends(pad, pressing, message):
     hand.pressing = pressing
     with pytest.raises(InputError, match=message):
         hand.steps(4000)
-
-
-def test_a_person_is_waited_for(pad):
-    session = Session(plan(), pad)
-    hand = Hand(session, table())
-    hand.pressing = lambda now: table()[0]
-    assert hand.steps(4000) == []
 
 
 @pytest.mark.parametrize(
@@ -258,7 +251,7 @@ def tared(zero, **changes):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("stop", [1, 30, 50, 77, 120])
+@pytest.mark.parametrize("stop", [1, 50, 120])
 def test_a_stopped_and_resumed_session_makes_the_whole_scan(tmp_path, pad, stop):
     record(tmp_path / "a", pad, [stop, 400], [None, None])
     scan = scan_of_sessions([tmp_path / "a"])
@@ -306,7 +299,6 @@ def test_a_recording_without_a_plan_is_no_session(tmp_path):
         ({"number": 4, "what": "taken"}, "press 4 of a session with 4"),
         ({"number": 0, "what": "taken", "first": 5, "count": 6}, "come after it"),
         ({"number": 0}, "missing is what"),
-        ({"number": 0, "what": "taken", "count": 10**9}, "count"),
     ],
 )
 def test_marks_that_make_no_sense_are_refused(tmp_path, mark, message):
@@ -315,34 +307,6 @@ def test_marks_that_make_no_sense_are_refused(tmp_path, mark, message):
         recorder.mark(mark, 0.0)
     with pytest.raises(InputError, match=message):
         read_session(tmp_path / "a")
-
-
-def test_an_emulated_hand_follows_the_recording(tmp_path, pad):
-    follower = Follower(tmp_path / "a", lambda plan: table(len(plan.poses)), hold=1.0, lift=0.3)
-    assert follower(0.0) is None  # there is no recording yet
-    with Recorder(tmp_path / "a") as recorder:
-        recorder.segment({"device": small_device().as_json(), "plan": plan().model_dump(mode="json")}, 0.0)
-        assert follower(1.0) is None  # lifts first
-        assert np.array_equal(follower(1.5), table()[0])
-        assert follower(2.4) is None  # not taken: lifts and tries again
-        assert follower(4.2) is None
-        assert np.array_equal(follower(4.4), table()[0])
-        marks = [(0, "taken", 1), (1, "skipped", 2), (1, "redo", 1), (1, "taken", 2)]
-        for now, (number, what, expected) in enumerate(marks, start=10):
-            recorder.mark({"number": number, "what": what}, 0.0)
-            assert follower(now) is None
-            assert np.array_equal(follower(now + 0.5), table()[expected])
-
-
-def test_a_press_grows_and_fades(pad):
-    row = table()[0]
-    pressing = Pressing(6, lambda now: row if 1.0 <= now < 2.0 else None, ramp=0.1)
-    force_at = {round(now, 2): float(force(pressing(now), pad)) for now in np.arange(0, 3, 0.01)}
-    full = float(force(row, pad))
-    assert force_at[0.9] == 0.0
-    assert 0 < force_at[1.05] < full
-    assert force_at[1.5] == pytest.approx(full)
-    assert force_at[2.2] == 0.0
 
 
 @pytest.mark.long
@@ -382,21 +346,6 @@ def test_a_session_may_have_enough_before_its_last_pose(pad):
     assert session.phase is not Phase.DONE
 
 
-def test_presses_by_the_clock():
-    wanted = by_the_clock(table(2), hold=1.0, lift=0.5)
-    assert wanted(0.2) is None
-    assert [wanted(t)[0] for t in (0.6, 1.4, 2.1, 3.6)] == [100.0, 100.0, 50.0, 100.0]
-
-
 def test_more_than_all_cannot_be_enough():
     with pytest.raises(ValueError, match="5 presses of 4"):
         plan(enough=5)
-
-
-def test_only_a_steady_press_is_taken(pad):
-    session = Session(plan(), pad)
-    hand = Hand(session, table())
-    hand.rows[0] = table()[0]
-    hand.pressing = lambda now: (50 + 60 * np.sin(30 * now)) * np.ones(6)  # comes and goes
-    assert hand.steps(300) == []
-    assert session.current == 0

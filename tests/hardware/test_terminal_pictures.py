@@ -5,7 +5,7 @@ import pytest
 from rich.console import Console
 
 from tactsim.core.pad import Pad
-from tactsim.hardware.terminal_pictures import on_template, placement, tactile_image, where
+from tactsim.hardware.terminal_pictures import tactile_image
 
 PAD = Pad(rows=4, columns=6, seam=None, unread_columns=0)
 DARK, BRIGHT = "rgb(20,18,46)", "rgb(252,255,164)"  # nothing, and the largest pressure
@@ -61,23 +61,3 @@ def test_numbers_stand_where_there_is_room():
     assert text.splitlines()[3] == "  50   0   0   0   0   0"
     assert tactile_image(None, PAD.taxel_xy, room=(24, 4)).plain.splitlines() == ["   ?" * 6] * 4
     assert tactile_image(None, PAD.taxel_xy, room=(6, 2)).plain == "?\n"
-
-
-@pytest.mark.parametrize("cell", [1.0, 1.5, 2.3])
-def test_the_placement_reaches_as_far_as_it_is_said(cell):
-    lines = placement(np.zeros(3), PAD, lambda points: points[:, 0] > 0, False, 27.0, cell).plain.splitlines()
-    assert {len(line) for line in lines} == {int(54 / cell + 1e-9)}
-    assert len(lines) == int(27 / cell + 1e-9)
-    middle = len(lines[0]) // 2
-    assert all(set(line[:middle]) <= set(" .") for line in lines)
-    assert all(set(line[-middle:]) <= set("+#") for line in lines)
-
-
-def test_the_words_say_what_the_drawing_shows():
-    pose = np.array([3.4, -10.2, np.deg2rad(330)])
-    assert on_template(pose) == "template: x 3.4, y -10.2, arrow at 330"
-    assert on_template(np.array([-0.001, 0, 2 * np.pi - 1e-9])) == "template: x 0, y 0, arrow at 0"
-    assert where(np.zeros(3) + [2.0, 0, 0], True) == (
-        "centre 2.0 mm right, 0.0 mm down of the pad's, 0 degrees counter-clockwise"
-    )
-    assert len(where(np.array([-11.9, -11.9, 2.9]), False)) <= 80
