@@ -67,11 +67,6 @@ def test_three_pressed_corners_light_up_the_fourth():
     assert unmixed(read, 1e-9, steps=2000)[4, 4] < 0.001 * read[4, 4]
 
 
-def test_many_are_mixed_as_each_is():
-    conductance = np.stack([cells(6, 6, seed) for seed in range(5)])
-    assert mixed(conductance) == pytest.approx(np.stack([mixed(each) for each in conductance]), rel=1e-12)
-
-
 @given(st.tuples(st.integers(1, 7), st.integers(1, 7)), st.integers(0, 10**6), st.floats(1e-3, 1e3))
 @settings(max_examples=40, deadline=None)
 def test_it_is_undone_whatever_the_unit(shape, seed, unit):

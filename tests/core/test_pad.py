@@ -53,14 +53,6 @@ def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
     assert "\n" not in str(error.value)
 
 
-def test_equal_pads_are_equal_after_their_arrays_were_asked_for():
-    first, second = Pad(), Pad()
-    assert first.taxel_xy.shape == second.taxel_xy.shape == (36, 2)
-    assert first == second
-    assert hash(first) == hash(second)
-    assert first != Pad(rows=5)
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -82,7 +82,6 @@ def test_nearest_rotation_is_that_of_least_angle() -> None:
     [
         ([0, 0, 0, 1, 0, 0], "shape"),
         ([0, 0, 0, 1, 1, 0, 0], "length 1"),
-        ([0, 0, 0, 0, 0, 0, 0], "length 1"),
         ([np.nan, 0, 0, 1, 0, 0, 0], "finite|NaN|nan"),
     ],
 )

@@ -76,20 +76,6 @@ def test_a_calibration_comes_back_from_its_file(rng, tmp_path):
     assert Calibration.load(tmp_path / "tare.toml") == tare
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("tare = [", "is not TOML"),
-        ("tare = [1.0]", "missing are device"),
-    ],
-)
-def test_a_file_that_is_no_calibration_is_one_line(tmp_path, content, message):
-    (tmp_path / "a.toml").write_text(content)
-    with pytest.raises(InputError, match=message) as error:
-        Calibration.load(tmp_path / "a.toml")
-    assert "\n" not in str(error.value)
-
-
 def whole(**changes):
     values = {
         "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50,

@@ -166,39 +166,3 @@ def test_a_large_array_is_recognised_with_no_option_given(here, chain):
     assert said["unit"] == "count"
     assert said["length_ratio"] == pytest.approx(3.8 / 1.9)
     assert 25 < said["chosen"]["threshold"] < 500  # within the noise and half of what a covered taxel reads
-
-
-@pytest.mark.slow
-def test_drawings_train_for_the_pad(here, chain):
-    """What is fitted is near the truth, and trains as well as the recording to within 3 touches."""
-    record, replay = chain
-    record(plan(40))
-    assert replay("small", *SHAPES).returncode == 0
-    scan = ("scan", "--letters", "none", *SHAPES, "--scan-set", "pad=pad.toml", "--out", "simulated.npz")
-    assert here(*scan).returncode == 0
-    words = (
-        "--simulated",
-        "simulated.npz",
-        "--recorded",
-        "small.npz",
-        "--out",
-        "v",
-        "--estimator",
-        "refined",
-    )
-    assert here("validate", *words).returncode == 0
-    found = json.loads(Path("v/validation.json").read_text())
-    fit = found["fit"]
-    assert fit["response"] == pytest.approx(0.5, abs=0.03)
-    assert fit["psf_sigma"] == pytest.approx(2.0, abs=0.1)
-    assert fit["gain_spread"] == pytest.approx(0.1, abs=0.03)  # of 36 taxels
-    assert fit["load_spread"] == pytest.approx(0.29, abs=0.1)
-    assert fit["placement_mm"] == pytest.approx(0.4, abs=0.1)
-    assert here("scan", "--world", "v/world.toml", "--out", "fitted.npz").returncode == 0
-    needed = {}
-    for trained, more in (("fitted", ("--train-scan", "fitted.npz")), ("recorded", ())):
-        result = here("run", "--scan", "small.npz", *more, "--readings", "15", "--trials", "20", "--json")
-        assert result.returncode == 0, result.stderr
-        right = np.array(json.loads(result.stdout)["accuracy"])
-        needed[trained] = 1 + int(np.argmax(right >= 0.95)) if (right >= 0.95).any() else 99
-    assert needed["fitted"] <= needed["recorded"] + 3

@@ -5,10 +5,9 @@ import pytest
 from made_pads import ramp, serving
 from plugging import install_plug_in
 
-from tactsim.core import InputError
 from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import Codec, CodecError
-from tactsim.hardware.device import Device, load_device
+from tactsim.hardware.device import load_device
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import Replay
@@ -88,12 +87,3 @@ def test_a_codec_that_only_reads_cannot_be_emulated(knocking, monkeypatch):
     monkeypatch.setattr(type(device.codec.build()), "encode", Codec.encode)
     with pytest.raises(CodecError, match="KnocksCodec writes no frames, so its device cannot be emulated"):
         emulate(device, lambda now: np.zeros(device.pad.taxels), rate=10.0)
-
-
-def test_a_device_without_codec_is_for_installed_sources_only():
-    device = Device.model_validate({"name": "elsewhere", "pad": {"rows": 1, "columns": 2, "no_seam": True}})
-    assert Device.model_validate(device.as_json()) == device
-    with pytest.raises(
-        InputError, match=r"'elsewhere' has no \[codec\]: its readings come from an installed source"
-    ):
-        LiveSource(["loop://"], device)

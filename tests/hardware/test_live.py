@@ -3,7 +3,7 @@ import socket
 import threading
 import time
 import tracemalloc
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from made_pads import ramp, serving, singletact, small_device
 
 from tactsim.core.source import NoReading, SourceError
 from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.singletact import Reply, parse_request, write_reply
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
 from tactsim.hardware.live import LiveSource
@@ -181,10 +182,7 @@ def test_a_sensor_that_does_not_answer_is_named_and_its_old_bytes_are_not_taken(
 
 def test_a_sensor_that_hangs_is_named():
     device = singletact(taxels=3)
-    with (
-        serving(emulate(device, ramp(device), rate=1e-6)) as url,
-        LiveSource([url], device) as source,
-    ):
+    with serving(emulate(device, ramp(device), rate=1e-6)) as url, LiveSource([url], device) as source:
         assert source.read(2.0).index == 0
         in_time(source, 0.3, "the same frame again and again")
 
@@ -245,49 +243,28 @@ def test_silence_is_not_blamed_on_what_was_said_before_it(pty):
         in_time(source, 1.5, "the device fell silent 1.* s ago")
 
 
-def bridge(master, stop, answer):
-    """Be a SingleTact bridge: answer each request of 15 bytes by what `answer(request)` writes itself."""
-    heard = b""
-    os.set_blocking(master, False)
-    while not stop.wait(0.002):
-        with suppress(BlockingIOError):
-            heard += os.read(master, 256)
-        while len(heard) >= 15:
-            answer(heard[:15])
-            heard = heard[15:]
-
-
-@contextmanager
-def bridged(master, answer):
-    stop = threading.Event()
-    thread = threading.Thread(target=bridge, args=(master, stop, answer))
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-
-
-def answer_to(request, frame=1, elements=1, outputs=(300,)):
-    """Write a bridge's answer from the manual: 192 registers, of which the request names some."""
-    registers = bytearray(192)
-    registers[12] = elements
-    registers[128:130] = frame.to_bytes(2, "big")
-    for k, output in enumerate(outputs):
-        registers[132 + 2 * k : 134 + 2 * k] = output.to_bytes(2, "big")
-    address, number, register, count = request[4], request[6], request[8], request[9]
-    data = registers[register : register + count]
-    return b"\xff" * 4 + bytes([address, 0, number, 0, 0, 0, 0, count]) + data + b"\xfe" * 4
-
-
 def test_answers_that_come_too_late_are_called_that(pty):
-    def late(request):
-        time.sleep(0.3)
-        os.write(pty[0], answer_to(request))
+    stop = threading.Event()
 
-    with bridged(pty[0], late), LiveSource([pty[1]], singletact(taxels=1)) as source:
-        in_time(source, 1.5, "answers come more than 0.25 s after their questions")
+    def answer_late():
+        os.set_blocking(pty[0], False)
+        while not stop.wait(0.002):
+            with suppress(BlockingIOError):
+                question = parse_request(os.read(pty[0], 256)[:15])
+                time.sleep(0.3)
+                data = (
+                    bytes(question.count - 1) + b"\x01"
+                )  # the last of the settings: the sensor has 1 element
+                os.write(pty[0], write_reply(Reply(question.address, False, question.id, 0, data)))
+
+    thread = threading.Thread(target=answer_late)
+    with LiveSource([pty[1]], singletact(taxels=1)) as source:
+        thread.start()
+        try:
+            in_time(source, 1.5, "answers come more than 0.25 s after their questions")
+        finally:
+            stop.set()
+            thread.join()
 
 
 def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():

@@ -254,16 +254,6 @@ def test_halves_from_before_and_after_an_unplugged_cable_are_not_joined(tmp_path
     assert reading.after_loss
 
 
-def test_parts_whose_counters_never_agree_are_told_so(tmp_path):
-    device = pad_of_parts([0, 1], [INDEX])
-    with two_ports(tmp_path) as (names, _, masters), LiveSource(names, device) as source:
-        for moment in range(3):
-            os.write(masters[0], says(device, 0, moment))
-            os.write(masters[1], says(device, 1, moment + 40))
-        with pytest.raises(NoReading, match="frames of all parts come, but not with the same counter"):
-            source.read(0.4)
-
-
 @pytest.mark.parametrize("index", [[], [{"is": "index", "size": 1}]])
 def test_parts_without_a_counter_that_lasts_need_a_stated_time(index):
     with pytest.raises(ValueError, match="state pair_within_s"):

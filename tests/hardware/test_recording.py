@@ -9,13 +9,11 @@ from hypothesis import strategies as st
 from made_pads import csv_device, ramp, serving, singletact, small_device
 
 from tactsim.core import InputError
-from tactsim.core.reading import Reading
-from tactsim.core.source import SourceError
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
-from tactsim.hardware.recording import LARGEST_PAYLOAD, Kind, Recorder, RecordReader, check_whole
+from tactsim.hardware.recording import LARGEST_PAYLOAD, Recorder, RecordReader, check_whole
 from tactsim.hardware.sources import open_source
 
 HEADER = struct.Struct("<BBHId")
@@ -329,34 +327,8 @@ def test_a_recording_is_known_by_its_content_and_not_by_its_name(tmp_path):
         assert len(list(source)) == 21
 
 
-def test_folders_made_for_a_recording_in_vain_go_with_it(tmp_path):
-    Recorder(tmp_path / "one" / "two" / "a").discard()
-    assert list(tmp_path.iterdir()) == []
-    Recorder(tmp_path / "one" / "kept").close()
-    Recorder(tmp_path / "one" / "two" / "a").discard()
-    assert [path.name for path in tmp_path.rglob("*")] == ["one", "kept"]
-
-
 def test_a_recording_without_a_beginning_is_refused(tmp_path):
     with Recorder(tmp_path / "a") as recorder:
         recorder.received(0, b"", 0.0)
     with pytest.raises(InputError, match="without a beginning"):
         Replay(tmp_path / "a")
-
-
-def test_hostile_records_are_refused(tmp_path):
-    device = small_device()
-    for name, spoil in {
-        "link": lambda recorder: recorder.received(9, b"", 0.0),
-        "mark": lambda recorder: recorder.write(Kind.MARK, 0, 0.0, b"{"),
-        "short": lambda recorder: recorder.write(Kind.READING, 0, 0.0, bytes(17)),
-        "taxels": lambda recorder: recorder.reading(Reading(np.zeros(3), 0.0)),
-        "nan": lambda recorder: recorder.write(
-            Kind.READING, 0, 0.0, bytes(16) + struct.pack("<6d", *[np.nan] * 6)
-        ),
-    }.items():
-        with Recorder(tmp_path / name) as recorder:
-            recorder.segment(segment(device), 0.0)
-            spoil(recorder)
-        with pytest.raises(SourceError, match=str(tmp_path / name)):
-            list(Replay(tmp_path / name))

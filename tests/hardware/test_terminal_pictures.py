@@ -54,10 +54,3 @@ def test_the_largest_of_neighbours_stands_for_them():
 def test_a_masked_taxel_is_black():
     drawn = colours(tactile_image(np.zeros(23), PAD.taxel_xy[1:], room=(6, 2)))
     assert drawn[1][0] == (DARK, "black")
-
-
-def test_numbers_stand_where_there_is_room():
-    text = tactile_image(pressed(0, 0), PAD.taxel_xy, room=(24, 4)).plain
-    assert text.splitlines()[3] == "  50   0   0   0   0   0"
-    assert tactile_image(None, PAD.taxel_xy, room=(24, 4)).plain.splitlines() == ["   ?" * 6] * 4
-    assert tactile_image(None, PAD.taxel_xy, room=(6, 2)).plain == "?\n"
