@@ -91,13 +91,10 @@ def test_a_caller_is_compiled_again_when_what_it_calls_in_another_file_changes(a
     assert ask.said == ""
     assert ask(callee=("x + 1", "x + 2")) == (31, False)
     assert ask() == (31, True)
+    assert ask(callee=("STEP = 1", "STEP = 7")) == (37, False)  # a constant counts too
 
 
-def test_a_constant_of_an_imported_file_counts_too(ask):
-    assert ask() == (21, False)
-    assert ask(callee=("STEP = 1", "STEP = 7")) == (27, False)
-
-
+@pytest.mark.long
 def test_damaged_files_are_compiled_again(ask, tmp_path):
     ask()
     for content in (b"", bytes(64)):
@@ -108,6 +105,7 @@ def test_damaged_files_are_compiled_again(ask, tmp_path):
     assert ask() == (21, True)
 
 
+@pytest.mark.long
 def test_folders_of_the_source_used_last_stay_and_older_ones_go(ask, tmp_path):
     ask()
     (used,) = (tmp_path / "numba").iterdir()
@@ -127,6 +125,7 @@ def without(folder):
     return str(folder / "below")
 
 
+@pytest.mark.long
 def test_where_the_named_folder_cannot_be_written_the_cache_folder_takes_it(ask, tmp_path):
     elsewhere = {
         "NUMBA_CACHE_DIR": without(tmp_path / "named"),
@@ -137,6 +136,7 @@ def test_where_the_named_folder_cannot_be_written_the_cache_folder_takes_it(ask,
     assert list((tmp_path / "cache" / "kernels").rglob("caller.*"))
 
 
+@pytest.mark.long
 def test_where_nothing_can_be_written_it_is_compiled_each_time_and_said_once(ask, tmp_path):
     nowhere = dict.fromkeys(("NUMBA_CACHE_DIR", "TACTSIM_CACHE_DIR", "TMPDIR"), without(tmp_path / "file"))
     for _ in range(2):
@@ -144,6 +144,7 @@ def test_where_nothing_can_be_written_it_is_compiled_each_time_and_said_once(ask
         assert ask.said.count("each time") == len(ask.said.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_kernels_take_their_constants_from_files_that_hold_kernels():
     """What is kept of a kernel holds its constants, and only changes of such files are seen."""
     homes = set(modules_with_kernels())

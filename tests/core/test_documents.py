@@ -1,4 +1,3 @@
-import math
 import os
 from pathlib import Path
 from typing import Literal
@@ -7,7 +6,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.core.checking import checked
-from tactsim.core.documents import parse_json, parse_toml, read_text
+from tactsim.core.documents import parse_json, parse_toml, read_json, read_text, read_toml
 from tactsim.core.errors import InputError, printable, short, unknown
 
 
@@ -18,6 +17,13 @@ def refusal(call, *arguments):
     assert "\n" not in message
     assert len(message) < 400
     return message
+
+
+def test_what_is_written_is_read(tmp_path):
+    (tmp_path / "a.toml").write_text('a.b = [1, 2.5, "x.y.z"]\n[c]\n"d e" = 2026-01-01')
+    assert read_toml(tmp_path / "a.toml", "list")["a"] == {"b": [1, 2.5, "x.y.z"]}
+    (tmp_path / "a.json").write_text('{"a": {"b": [9223372036854775807, -9223372036854775808, null, true]}}')
+    assert read_json(tmp_path / "a.json", "list") == {"a": {"b": [2**63 - 1, -(2**63), None, True]}}
 
 
 TOO_MUCH = {
@@ -83,11 +89,8 @@ class Outer(BaseModel):
         ({"a": {"b": -1}}, "f: a.b: give a number of at least 0, got -1"),
         ({"a": {"b": "many"}}, "f: a.b: give a whole number, got 'many'"),
         ({"c": -0.5}, "f: c: give a number above 0, got -0.5"),
-        ({"c": math.inf}, "f: c: give a finite number, got inf"),
         ({"d": 5}, "f: d: give 'one' or 'two', got 5"),
-        ({"e": [1]}, "f: e.0: give a text, got 1"),
         ({"g": 5}, "f: g: give the path of a file or folder, got 5"),
-        ({"h": 5}, "f: h: give a table of names and values, got 5"),
         ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b, c, d"),
         ({"a": {"b": 16**5000}}, "f: a.b"),
         ({"a": {"y" * 10**6: 1}}, "unknown option"),
@@ -121,7 +124,6 @@ class Row(BaseModel):
     ("model", "values", "said"),
     [
         (Wanted, {}, "f: missing are is (mm), inner"),
-        (Row, {"cells": [{"is": 1}]}, "f: missing is cells.0.inner"),
         (Row, {"cells": [{}] * 50}, "cells.4.is, cells.4.inner and 90 more"),
     ],
 )

@@ -6,6 +6,11 @@ from tactsim.core.errors import InputError
 from tactsim.core.files import KeptBeside, new_folder, replacing, write_text
 
 
+def test_a_file_is_written_with_its_folders(tmp_path):
+    write_text(tmp_path / "a" / "b" / "c.txt", "hello")
+    assert (tmp_path / "a" / "b" / "c.txt").read_text() == "hello"
+
+
 def test_an_interrupt_leaves_the_old_file_and_no_other(tmp_path):
     path = tmp_path / "a.txt"
     write_text(path, "old")

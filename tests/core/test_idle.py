@@ -26,7 +26,7 @@ def scan_of(readings):
     return Scan.from_arrays(readings, np.zeros((count, 3)), ["A"] * count, unit="count")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.integers(0, 5),
     st.sampled_from([0.0, 0.7]),

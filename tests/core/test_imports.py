@@ -3,8 +3,6 @@
 import subprocess
 import sys
 
-import pytest
-
 HEAVY = ("mujoco", "numba", "trimesh", "pydantic", "scipy", "matplotlib", "serial")
 
 
@@ -13,13 +11,6 @@ def imported(code, *more):
     script = f"{code}\nimport sys; print('', *[name for name in {HEAVY + more} if name in sys.modules])"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split())
-
-
-def test_a_name_that_is_not_there_is_said():
-    import tactsim
-
-    with pytest.raises(AttributeError, match="nothing"):
-        tactsim.nothing  # noqa: B018
 
 
 def test_help_brings_neither_numpy_nor_a_configuration():

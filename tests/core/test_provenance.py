@@ -78,11 +78,13 @@ def test_a_pressed_scan_says_how_it_was_made_and_whose_it_is(tmp_path):
     assert scan_letters(own)[0].about["licence"] is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("value", ["lost", {"a": [1]}])
-@pytest.mark.parametrize("name", ["versions", "options", "train", "recordings", "source", "pad"])
-def test_what_a_stranger_wrote_there_is_left_out_and_breaks_no_card(name, value, tmp_path):
-    scan = scan_with({name: value})
-    json.dumps(scan.about)
+def test_what_a_stranger_wrote_there_is_left_out_and_breaks_no_card(value, tmp_path):
+    names = ("versions", "options", "train", "recordings", "source", "pad")
+    for name in names:
+        json.dumps(scan_with({name: value}).about)
+    scan = scan_with(dict.fromkeys(names, value))
     formats.write(scan, tmp_path / "parquet", "parquet")
     assert formats.read(tmp_path / "parquet").digest == scan.digest
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tactsim
-from tactsim.core.source_digest import git_commit
+from tactsim.core.source_digest import git_commit, source_digest
 
 
 @pytest.fixture
@@ -71,3 +71,7 @@ def test_the_commit_is_that_of_the_checkout():
     wanted = head.stdout.strip() if head.returncode == 0 else None
     commit = git_commit()
     assert (commit and commit.removesuffix("-changed")) == wanted
+
+
+def test_a_module_without_a_file_counts_by_its_name():
+    assert source_digest("no_such_module_anywhere") != source_digest("nor_this_one")

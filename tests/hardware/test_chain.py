@@ -10,11 +10,21 @@ from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import transform
 
-PAD = "\n".join(
-    ["rows = 6", "columns = 6", "pitch_x = 3.8", "pitch_y = 3.8", "taxel_width = 3.4", "taxel_height = 3.4"]
-    + ["no_seam = true", "unread_columns = 0"]
-)
-DEVICE = f'name = "6x6"\n[codec]\nkind = "pps-csv"\ntaxels = 36\nunit = "count"\n[pad]\n{PAD}\n'
+DEVICE = """name = "6x6"
+[codec]
+kind = "pps-csv"
+taxels = 36
+unit = "count"
+[pad]
+rows = 6
+columns = 6
+pitch_x = 3.8
+pitch_y = 3.8
+taxel_width = 3.4
+taxel_height = 3.4
+no_seam = true
+unread_columns = 0
+"""
 OUTLINES = {
     "bracket": (34, 40, "M0 0H34V9H9V40H0z"),
     "tee": (44, 36, "M0 0H44V9H26V36H17V9H0z"),
@@ -48,32 +58,22 @@ def chain(here):
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
             f'viewBox="0 0 {width} {height}"><path d="{path}"/></svg>'
         )
-    Path("pad.toml").write_text(PAD)
     Path("device.toml").write_text(DEVICE)
     Path("truth.toml").write_text(TRUTH)
 
-    def record(presses, name="small", *words):
+    def record(presses):
         """Press `presses` (label, split, x, y, theta) and record them."""
         lines = ["label,split,x_mm,y_mm,theta_rad", *(",".join(map(str, press)) for press in presses)]
         Path("plan.csv").write_text("\n".join(lines))
         result = here(
-            "emulate", "--device", "device.toml", "--plan", "plan.csv", "--out", f"{name}.csv", "--marks",
-            f"{name}-marks.csv", "--world", "truth.toml", "--rate", "20", "--hold", "0.3", "--lift", "0.3", *SHAPES,
-            *words,
+            "emulate", "--device", "device.toml", "--plan", "plan.csv", "--out", "pad.csv", "--marks", "marks.csv",
+            "--world", "truth.toml", "--rate", "20", "--hold", "0.3", "--lift", "0.3", *SHAPES,
         )  # fmt: skip
         assert result.returncode == 0, result.stderr
 
-    def replay(name="small", *words, out="small.npz"):
+    def replay(*words, out="small.npz"):
         return here(
-            "replay",
-            f"{name}.csv",
-            "--device",
-            "device.toml",
-            "--marks",
-            f"{name}-marks.csv",
-            "--scan",
-            out,
-            *words,
+            "replay", "pad.csv", "--device", "device.toml", "--marks", "marks.csv", "--scan", out, *words
         )
 
     return record, replay
@@ -118,23 +118,6 @@ def _within(points, rings):
     return odd
 
 
-def test_labels_that_letters_have(chain, here):
-    """A recording's label is an object of its own, even if it is called like a letter."""
-    record, replay = chain
-    for name in ("X", "I"):
-        Path(f"{name}.svg").write_text(Path("tee.svg" if name == "X" else "zed.svg").read_text())
-    words = ("--shape", "X.svg", "--shape", "I.svg")
-    record([(("X" if name == "tee" else "I"), *rest) for name, *rest in plan(4)], "small", *words)
-    assert replay().returncode == 0
-    assert Scan.load("small.npz").meta["objects"] == {}
-    assert replay("small", *words, out="known.npz").returncode == 0
-    facts = Scan.load("known.npz").meta["objects"]
-    assert facts["I"]["symmetry"] == 2
-    assert facts["X"]["symmetry"] == 1  # the catalogue's X has 2
-    result = here("run", "--scan", "known.npz", "--letters", "X", "--trials", "1", "--readings", "2")
-    assert result.returncode == 0
-
-
 @pytest.mark.slow
 def test_a_large_array_is_recognised_with_no_option_given(here, chain):
     """A 16x16 array in counts, bent, of twice the paper's pitch, under loads that vary: estimators keep their order."""
@@ -149,7 +132,7 @@ def test_a_large_array_is_recognised_with_no_option_given(here, chain):
         (name, "test" if number % 2 else "train", *rng.uniform((-8, -8, 0), (8, 8, 6.28)).round(2))
         for name in OUTLINES for number in range(20)
     ])  # fmt: skip
-    assert replay("small", "--cut", "6x6", "--stride", "3", *SHAPES, out="touches.npz").returncode == 0
+    assert replay("--cut", "6x6", "--stride", "3", *SHAPES, out="touches.npz").returncode == 0
     right = {}
     for name, few in (("refined", ()), ("histogram", ("--bins", "1000"))):
         words = ("--scan", "touches.npz", "--estimator", name, *few, "--readings", "5", "--json")

@@ -45,7 +45,6 @@ def test_no_seam_is_one_thing_in_both_spellings(word, pad):
     [
         ({"pad": "flexitac"}, "unknown device 'flexitac': did you mean 'flexitac-"),
         ({"pad": "paper"}, "the paper's pad is called 'emulated'"),
-        ({"pad": "dfrobot-4x8", "task": "smoke-v1"}, "pad 'dfrobot-4x8': task smoke-v1 says None"),
         ({"scan_set": {"pad.no_seam": "maybe"}}, "unknown option 'pad.no_seam'"),
     ],
 )

@@ -94,7 +94,6 @@ def test_a_device_is_asked_no_more_often_than_it_measures():
         ),
         ("paxini-m2020-board", PaxiniBoard(FORCES, (0, 0, 0), error=7), "no whole frame"),
         ("paxini-m2020", PaxiniModule(2, FORCES), "not one byte came"),
-        ("flexitac-16x32", FlexiTac(SHORT), "no whole frame"),
         ("anyskin", AnySkin([(20.0, 0.0, 0.0, float("nan"))] * 5), "no whole frame"),
     ],
 )

@@ -58,6 +58,7 @@ def test_known_parameters_are_found_again(rng):
     assert fit.misfit == pytest.approx(0.3, rel=0.25)
 
 
+@pytest.mark.long
 def test_response_and_loads_are_found_whatever_the_unit(rng):
     """The pad bends pressures, presses have loads of their own, and readings come in thousandths."""
     world, unit, response = Bumps(rng), 1e-3, 0.5
@@ -77,6 +78,7 @@ def test_response_and_loads_are_found_whatever_the_unit(rng):
     assert fit.gain == pytest.approx(unit * same.gain, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("own", "contact"), [(0.0, 0.0), (0.2, 0.4)])
 def test_what_no_fit_explains_is_the_spread_of_gains_and_the_texture(own, contact):
     """Single presses are patterns of their own here: of each, other presses tell only what is the taxel's."""
@@ -90,6 +92,7 @@ def test_what_no_fit_explains_is_the_spread_of_gains_and_the_texture(own, contac
     assert fit.texture == pytest.approx(contact, abs=0.12)
 
 
+@pytest.mark.long
 def test_a_point_spread_on_its_bound_has_no_tight_interval(rng):
     """What is recorded is sharper than the sharpest point spread that is tried."""
     world = Bumps(rng)
@@ -106,6 +109,7 @@ def test_what_readings_say_nothing_of_is_not_identified(rng):
     assert fit.psf_sigma_range == (0, np.inf)
 
 
+@pytest.mark.long
 def test_held_out_presses_are_judged_by_the_others(rng):
     """Gains of a recording that are another in every group of presses fit it, and predict none of it."""
     world, fold = Bumps(rng), np.arange(60) % 6
