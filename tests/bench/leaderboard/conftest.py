@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PLUG_INS = Path(__file__).parent / "plug_ins"
-MODULES = ("guess", "random_guess", "counting", "failing", "prepared")
+MODULES = ("guess", "random_guess", "failing", "prepared")
 
 
 @pytest.fixture(scope="session")

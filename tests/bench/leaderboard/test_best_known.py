@@ -1,7 +1,5 @@
 """The best known results: the first of the standings, written, read, and shown by `bench tasks`."""
 
-import json
-
 import pytest
 from best_known_results import main
 from entered import entered
@@ -9,7 +7,7 @@ from entered import entered
 from tactsim.bench.leaderboard import best_known
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.standings import read_folder
-from tactsim.bench.tasks import names, task
+from tactsim.bench.tasks import task
 
 TASK = "active-v1"
 
@@ -37,13 +35,3 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     assert best.value == of.ranked[0].figure(best.figure).value < of.ranked[1].figure(best.figure).value
     shown = " ".join(here("tasks").stdout.split())
     assert f"best error_all_mm@10 {best.value:.4g}: --estimator {best.words} (commit cccccccccccc)" in shown
-    assert shown.count("best not known yet") == len(names()) - 1
-    content = json.loads(here("tasks", "--json").stdout)
-    assert {one["name"]: one["best"] for one in content["tasks"]} == {
-        name: best.model_dump() if name == TASK else None for name in names()
-    }
-
-
-def test_what_is_kept_is_of_tasks_that_exist():
-    for name, one in best_known.best_known().items():
-        assert one.figure == task(name).scored[0]

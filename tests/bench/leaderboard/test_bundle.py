@@ -1,6 +1,5 @@
 """The one file of a method and task: it travels to the bit, and what is damaged or hostile is refused in one line."""
 
-import io
 import json
 import zipfile
 from dataclasses import fields, replace
@@ -15,7 +14,6 @@ from hypothesis.extra.numpy import arrays
 from made_up import make_run
 
 from tactsim.bench.leaderboard.bundle import digests_of, kept, read_bundle, rounded, write_bundle
-from tactsim.bench.results import Run
 from tactsim.bench.score import summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
@@ -60,14 +58,6 @@ def test_what_is_written_is_read_to_the_bit(good):
             other.config, other.about, other.objects, other.work, other.times,
         )  # fmt: skip
     assert again.ids == [(seed, letter, n) for seed in (0, 1) for letter, n in (("A", 0), ("E", 0), ("A", 1))]
-    assert again.pooled.label == "histogram, 10,000 bins"
-    assert len(again.pooled.trials.truth) == len(again.ids)
-
-
-def test_numpy_reads_the_rows(good):
-    with np.load(good) as content:
-        assert content["label"].shape == content["x"].shape == (6, 4)
-        assert json.loads(str(content["meta"]))["method"] == "Histogram, 10,000 bins"
 
 
 def test_an_estimator_that_does_not_say_how_sure_it_is_and_known_bounds_travel_too(tmp_path):
@@ -134,10 +124,8 @@ def test_a_method_without_a_score_has_a_status_and_no_runs(tmp_path):
     ("changes", "said"),
     [
         ({"status": "crashed"}, "only a method that was done has runs"),
-        ({"seeds": ()}, "only a method that was done has runs"),
         ({"estimator": "particle"}, "seed 0 is a run of 'histogram', not of particle"),
         ({"method": "two\nlines"}, "cannot be printed"),
-        ({"task_data": "short"}, "task_data"),
     ],
 )
 def test_what_would_be_refused_is_not_written(changes, said, tmp_path):
@@ -159,14 +147,12 @@ def array(name, change):
 
 DAMAGES = {
     "schema": (meta(schema=3), "schema 3; this version of tactsim reads schema 1 and 2"),
-    "status": (meta(status="crashed: x"), "only a method that was done has runs"),
     "no run": (lambda content: content["meta"]["runs"].pop(), "its runs have 3 trials, and there are 6"),
     "a run without objects": (
         lambda content: content["meta"]["runs"][1]["about"].update(objects={}), "run 1: run.json: objects",
     ),
     "no column": (lambda content: content.pop("theta"), "it has no array 'theta'"),
     "a row less": (array("x", lambda x: x[1:]), "x has the shape (5, 4), and label (6, 4)"),
-    "infinite": (array("p_truth", lambda x: x * np.inf), "p_truth"),
     "hostile label": (array("label", lambda x: np.full(x.shape, "\x1b[2J")), "not printable"),
 }  # fmt: skip
 
@@ -182,26 +168,9 @@ def test_a_damaged_bundle_is_refused_in_one_line(kind, good, tmp_path):
     assert said in refusal(tmp_path / "bad.zip")
 
 
-def test_runs_of_two_kinds_are_no_bundle(tmp_path):
-    one, other = make_run(), make_run(r=2, seed=1)
-    small, digests = kept([one, replace(other, config=other.config | {"seed": 1})])
-    with pytest.raises(InputError, match="different numbers of readings"):
-        write_bundle(replace(make_bundle(), runs=small, digests=digests), tmp_path / "a.zip")
-
-
-def test_what_is_no_bundle_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"bundle nowhere\.zip: No such file"):
-        read_bundle("nowhere.zip")
-    with pytest.raises(InputError, match="not a regular file"):
-        read_bundle(tmp_path)
-    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
-        archive.writestr("readme.txt", "")
-    assert "it is no bundle, which `bench submit` makes" in refusal(tmp_path / "other.zip")
-
-
 def test_an_archive_that_claims_too_much_is_refused_before_it_is_unpacked(tmp_path):
     with (
-        zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive,
+        zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
         archive.open("bundle.json", "w") as member,
     ):
         for _ in range(300):
@@ -223,31 +192,8 @@ def test_a_bundle_of_version_0_1_is_read(tmp_path):
     assert same(read_bundle(tmp_path / "new.zip").trials, old.trials)
 
 
-def test_a_run_of_a_bundle_is_saved_as_any_run(good, tmp_path):
-    run = read_bundle(good).runs[1]
-    run.save(tmp_path / "seed-1")
-    again = Run.load(tmp_path / "seed-1")
-    assert same(again.trials, run.trials)
-    assert again.summary == run.summary
-
-
-def members_of_old():
-    with zipfile.ZipFile(OLD) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"seed-1/trials.csv": b"truth\n"}, "it was edited: seed-1/trials.csv is not what the checksum"),
-        ({"seed-1/run.json": None}, "'seed-1/run.json' is missing"),
-    ],
-)
-def test_a_damaged_bundle_of_version_0_1_is_refused_in_one_line(changes, said, tmp_path):
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as archive:
-        for name, member in (members_of_old() | changes).items():
-            if member is not None:
-                archive.writestr(name, member)
-    (tmp_path / "bad.zip").write_bytes(content.getvalue())
-    assert said in refusal(tmp_path / "bad.zip")
+def test_an_edited_bundle_of_version_0_1_is_refused_in_one_line(tmp_path):
+    with zipfile.ZipFile(OLD) as old, zipfile.ZipFile(tmp_path / "bad.zip", "w") as archive:
+        for name in old.namelist():
+            archive.writestr(name, b"truth\n" if name == "seed-1/trials.csv" else old.read(name))
+    assert "it was edited: seed-1/trials.csv is not what the checksum" in refusal(tmp_path / "bad.zip")

@@ -57,8 +57,3 @@ def test_tasks_weigh_alike_and_what_was_not_entered_is_not_solved(standings):
     assert fair.share("readings", 1e9) == pytest.approx(np.mean(shares))
     assert fair.share("readings", 3) <= fair.share("readings", 4)
     assert fair.share("ms", 0.0) == 0
-
-
-def test_the_best_comes_first(standings):
-    active = [of for of in standings if of.task == "active-v1"]
-    assert [one.label for one in solved(active)] == ["good", "fair"]

@@ -2,6 +2,7 @@
 
 import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,8 @@ from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.site import command
 from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
-from tactsim.bench.paper import PRINTED
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
-from tactsim.core import InputError
 
 TASK = "active-v1"
 
@@ -42,7 +41,6 @@ def test_methods_that_differ_have_ranks_and_those_that_do_not_share_them(made, t
     assert of.known == task(TASK)
     assert of.by == "error_all_mm@10"
     assert [one.rank for one in of.ranked] == [(1, 1), (2, 3), (2, 3), (4, 4)]
-    assert [one.label for one in of.ranked][::3] == ["best", "worst"]
     values = [one.figure(of.by).value for one in of.ranked]
     assert values == sorted(values)
 
@@ -62,8 +60,6 @@ def test_figures_are_those_of_the_trials(made, tmp_path):
     # 1 to 2 ms each of ten readings of 250 trials
     assert 1.4 < one.ms_per_reading < 1.6
     assert one.slowest_ms >= one.ms_per_reading
-    with pytest.raises(InputError, match="accuracy@11 of trials of 10 readings"):
-        one.figure("accuracy@11")
 
 
 def test_the_interval_of_a_perfect_accuracy_still_allows_a_mistake(tmp_path):
@@ -111,18 +107,10 @@ def test_other_data_and_tasks_of_other_versions_are_kept_apart(made, tmp_path):
     assert all(one.rank == (1, 1) for of in found.standings for one in of.ranked)
 
 
-def test_who_crashed_or_hung_has_a_status_and_no_rank(made, tmp_path):
-    states = ["crashed: ValueError", "out of memory", "timed out"]
-    bundles = {word[:4]: entered(word[:4], TASK, status=word) for word in states}
-    (of,) = folder_of(tmp_path, {**bundles, "best": made["best"]}).standings
-    assert [(one.status, one.rank) for one in of.unranked] == [(word, None) for word in states]
-
-
 def test_a_method_that_is_there_twice_is_told_by_its_files(made, tmp_path):
     (of,) = folder_of(tmp_path, {"a": made["best"], "b": made["best"], "c": made["worst"]}).standings
     assert [one.label for one in of.ranked] == ["best (a.zip)", "best (b.zip)", "worst"]
     assert [one.rank for one in of.ranked] == [(1, 2), (1, 2), (3, 3)]
-    assert len({one.number for one in of.ranked}) == 2
 
 
 def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monkeypatch):
@@ -132,12 +120,6 @@ def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monk
     assert [path.name for path, _ in found.unreadable] == ["best.zip", "cut.zip"]
     assert found.unreadable[0][1] == "250 trials; a leaderboard takes 249"
     assert [one.status for one in found.entrants] == [OTHER_TRIALS]
-
-
-@pytest.mark.parametrize("there", [True, False])
-def test_a_folder_without_bundles_is_refused(tmp_path, there):
-    with pytest.raises(InputError, match="holds no bundle"):
-        read_folder(tmp_path if there else tmp_path / "nowhere")
 
 
 def test_a_check_beside_a_bundle_counts_and_one_that_failed_takes_the_score_unless_the_code_was_another(
@@ -181,13 +163,6 @@ def test_the_command_of_a_method_survives_a_shell(made, tmp_path):
     ]  # fmt: skip
 
 
-def test_the_papers_accuracy_stands_from_the_reading_on_after_which_it_is_stated():
-    fine, coarse, particles = PRINTED
-    assert [fine.accuracy_after(k) for k in (5, 8, 9, 10, 20)] == [None, None, 1.0, 1.0, 1.0]
-    assert [coarse.accuracy_after(k) for k in (20, 45, 46)] == [None, None, 1.0]
-    assert [particles.accuracy_after(k) for k in (5, 10, 20)] == [None, 0.74, 0.74]
-
-
 def test_a_task_says_which_of_its_figures_ranks(tmp_path):
     # open-set-v1 ranks by accuracy; among equals the error decides the order, not the rank. Only of known letters is
     # there an error.
@@ -199,5 +174,11 @@ def test_a_task_says_which_of_its_figures_ranks(tmp_path):
     assert of.errors.p[0, 1] < 0.05
     each = [run.summary["error_all_mm"][14] for run in sure["b"].runs]
     assert of.ranked[0].figure("error_all_mm@15").value == pytest.approx(np.mean(each))
-    difference = of.ranked[0].figure(of.error_by).value - of.ranked[1].figure(of.error_by).value
-    assert of.errors.difference[0, 1] == pytest.approx(difference)
+
+
+@pytest.mark.long
+def test_every_bundle_that_is_kept_has_a_score():
+    """Also of a task whose pad is not the paper's: objects are hidden in a range that grows with the pad."""
+    kept = read_folder(Path(__file__).parents[3] / "results" / "leaderboard")
+    assert not kept.unreadable
+    assert [one.label for of in kept.standings for one in of.unranked] == []

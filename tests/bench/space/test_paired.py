@@ -23,14 +23,6 @@ def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
     assert back["surface mm @3, both right"] == "better"
 
 
-def test_runs_of_other_lengths_are_compared_over_the_touches_of_both():
-    base = make_space_run(n=10, r=4)
-    cut = {name: values[:, :2] for name, values in vars(base.trials).items() if values.ndim > 1}
-    rows = compare(base, replace(base, trials=replace(base.trials, **cut)))
-    assert {row.name for row in rows} >= {"right @1", "right @2"}
-    assert all(row.base == row.new for row in rows if row.name.startswith("accuracy"))
-
-
 def test_other_hidden_objects_are_refused():
     base, new = make_space_run(), make_space_run(seed=1)
     other = {"seed": 1, "objects": ["nut"], "scan": "a.npz"}

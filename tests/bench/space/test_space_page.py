@@ -38,13 +38,6 @@ def picture(tab):
     )
 
 
-def test_it_shows_curves_tables_and_names_as_text(opened):
-    assert opened.locator("svg.plot").count() == 3
-    assert "a <b>" in opened.locator("table.values").first.inner_text()
-    assert "a remark" in opened.locator("header").inner_text()
-    assert "wedge" in opened.locator("main").inner_text()
-
-
 def test_the_view_can_be_turned_by_mouse_and_keys_and_what_is_shown_can_be_chosen(opened):
     first, drawn = picture(opened)
     assert drawn > 1000

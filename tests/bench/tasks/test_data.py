@@ -24,6 +24,7 @@ scored = ["accuracy@1"]
 letters = "IO"
 """
 PRESSED_FOR_SECONDS = {"glyphs36-v1", "glyphs36-by-hand-v1"}
+LONG = {"active-v1", "letters10-faulty-v1", "open-set-v1"}
 PRESSED = [
     name for name in names() if "scan" not in task(name).words
 ]  # others are of recordings, which are not here
@@ -40,7 +41,14 @@ def check(name, seeds):
     assert found == {seed: stated[seed] for seed in found}, CHANGED.format(name=name)
 
 
-@pytest.mark.parametrize("name", [name for name in PRESSED if name not in PRESSED_FOR_SECONDS])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.long) if name in LONG else name
+        for name in PRESSED
+        if name not in PRESSED_FOR_SECONDS
+    ],
+)
 def test_the_first_seed_of_a_task_gives_the_data_that_it_states(name):
     check(name, lambda one: one.seeds[:1])
 
@@ -76,10 +84,8 @@ def test_the_hash_depends_on_what_is_asked_and_not_on_names_or_the_cache(small):
         ('"IO"', '"OI"'),
         ('letters = "IO"', 'letters = "IO"\ntest_poses = "same"'),
         ('letters = "IO"', 'letters = "IO"\nhold_out = "O"'),
-        ('letters = "IO"', 'letters = "IO"\nhold_out = "each"'),
         ('letters = "IO"', 'letters = "IO"\nslip = {walk_mm = 0.1}'),
         ('letters = "IO"', 'letters = "IO"\nexplore = "information"'),
-        ('letters = "IO"', 'letters = "IO"\nexplore = "blind"'),
         ('letters = "IO"', 'letters = "IO"\nscan_set = {sensor.noise = 2.1}'),
     ):
         others.append(data.hash_data(small(old, new), 0))
@@ -119,7 +125,6 @@ def swapped_splits(scan):
 @pytest.mark.parametrize(
     "change",
     [
-        with_array("readings", (5, 7), 0.7),
         with_array("readings", (-1, -1), -0.7),
         with_array("poses", (300, 2), 1e-5),
         with_array("taxel_xy", (3, 0), 1e-5),
@@ -194,6 +199,7 @@ def test_other_touches_that_are_offered_change_the_hash(monkeypatch, small):
     assert data.hash_data(offered, 0) != base
 
 
+@pytest.mark.long
 def test_a_task_that_states_its_data_is_checked_against_them(small):
     hashes = data.check_data(small())
     assert len(set(hashes)) == 5

@@ -6,7 +6,6 @@ import pytest
 from command_line import refused
 
 from tactsim.bench import results
-from tactsim.bench.cli import cmd_tasks
 from tactsim.bench.tasks import names, task
 
 OWN = """
@@ -27,16 +26,6 @@ def own(tmp_path):
     return tmp_path / "two-v1.toml"
 
 
-def test_the_list_names_every_task_with_its_sentence_and_size(here):
-    shown = here("tasks")
-    assert shown.returncode == 0, shown.stderr
-    text = " ".join(shown.stdout.split())
-    for name in names():
-        one = task(name)
-        size = f"{len(one.letters)} letters, {one.trials} trials each, {one.readings} readings, {len(one.seeds)} seeds"
-        assert f"{name} {one.line} {size}; best " in text
-
-
 def test_json_has_every_task_whole(here):
     content = json.loads(here("tasks", "--json").stdout)["tasks"]
     assert [one["name"] for one in content] == list(names())
@@ -48,25 +37,6 @@ def test_json_has_every_task_whole(here):
     assert json.loads(here("tasks", "slip-v1", "--json").stdout) == next(
         one for one in content if one["name"] == "slip-v1"
     )
-
-
-@pytest.mark.parametrize("name", names())
-def test_one_task_is_shown_whole(here, name):
-    shown, one = here("tasks", name), task(name)
-    text = " ".join(shown.stdout.split())
-    seeds = f"seeds {' '.join(map(str, one.seeds))}"
-    for said in (one.line, one.data, ", ".join(one.scored), seeds, " ".join(one.letters)):
-        assert said in text
-    assert ("held out C F H L V" in text) == (name == "open-set-v1")
-
-
-def test_the_options_of_a_task_are_shown_as_run_takes_them(here):
-    lines = [line.split()[-1] for line in here("tasks", "tilted-v1").stdout.splitlines()]
-    assert {
-        "test_poses=random",
-        "scan_set.placement_tilt=0.0087",
-        "scan_set.press.wrist_stiffness=rigid",
-    } <= set(lines)
 
 
 @pytest.mark.long
@@ -82,10 +52,6 @@ def test_hashes_are_printed_for_a_file_and_compared_once_it_states_them(here, ow
     assert other.returncode == 1
     assert f'"{first}",  # the task states {"0" * 64}' in other.stdout
     assert "1 of 5 differ from what the task states" in other.stdout
-    found = here("tasks", own.name, "--hash", "--json")
-    assert found.returncode == 1
-    content = json.loads(found.stdout)
-    assert content["pressed"] == [first, *content["hashes"][1:]]
 
 
 def test_a_run_of_a_task_says_so(here, own, tmp_path):
@@ -108,34 +74,13 @@ def test_a_shorter_look_says_that_it_is_no_result(here, own, tmp_path):
     assert results.load(tmp_path / "run").task is None
 
 
-@pytest.mark.long
-def test_a_sweep_of_a_task_has_a_run_for_each_seed(here, own, tmp_path):
-    (tmp_path / "s.toml").write_text('[[run]]\ntask = "two-v1.toml"\nestimator = "nearest"\n')
-    assert here("sweep", "s.toml", "--jobs", "1", "--out", "out").returncode == 0
-    runs = [results.load(folder) for folder in (tmp_path / "out" / "runs").iterdir()]
-    assert sorted(run.seed for run in runs) == [0, 1, 2, 3, 4]
-    assert {run.task for run in runs} == {"two-v1.toml"}
-    (tmp_path / "s.toml").write_text(
-        '[[run]]\nletters = "IO"\ntrials = 2\nreadings = 3\nseed = [4, 3, 2, 1, 0]\nestimator = "nearest"\n'
-    )
-    said = here("sweep", "s.toml", "--jobs", "1", "--out", "out")
-    assert said.returncode == 0, "the same runs under another name are the same sweep"
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (("tasks", "letters-v2"), "unknown task 'letters-v2': did you mean 'letters-v1'?"),
-        (("tasks", "nowhere.toml"), "cannot read task nowhere.toml"),
         (("tasks", "--hash"), "--hash: name the task"),
-        (("run", "--task", "slip-v1", "--letters", "AE"), "letters A,E: task slip-v1 says"),
         (("run", "--task", "slip-v1", "--port", "simulated:hand"), "--port: a task has readings of its own"),
     ],
 )
 def test_wrong_input_is_one_line(here, words, message):
     refused(here(*words), message)
-
-
-def test_nothing_is_pressed_for_a_list(here, monkeypatch):
-    monkeypatch.setattr(cmd_tasks, "_hashes", None)
-    assert here("tasks").returncode == here("tasks", "active-v1").returncode == 0

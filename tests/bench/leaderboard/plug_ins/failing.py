@@ -2,13 +2,10 @@
 
 import os
 import signal
-import sys
 import time
 
 import numpy as np
 from guess import Guess
-
-from tactsim.estimators import Estimate
 
 
 class _Failing(Guess):
@@ -26,13 +23,6 @@ class Crash(_Failing):
 
     def fail(self):
         raise KeyError("a bug of the plug-in's")
-
-
-class Exit(_Failing):
-    """Ask for the end of the process."""
-
-    def fail(self):
-        sys.exit(0)
 
 
 class Leave(_Failing):
@@ -71,10 +61,3 @@ class Print(_Failing):
     def fail(self):
         print('{"printed": true}' * 10_000)
         os.write(2, b"\x1b[31m\xff")
-
-
-class Boast(_Failing):
-    """Give probabilities that are none."""
-
-    def fail(self):
-        self.estimate = lambda: Estimate(self.letters[0], {self.letters[0]: 1.5}, np.zeros(3))

@@ -32,10 +32,3 @@ class Guess(Estimator):
         return Estimate(
             self.letters[int(p.argmax())], dict(zip(self.letters, p.tolist(), strict=True)), self.pose
         )
-
-
-class Choosy(Guess):
-    """Compare mean pressures, and choose the touch in the middle of those that are left."""
-
-    def propose(self, candidates):
-        return len(candidates) // 2
