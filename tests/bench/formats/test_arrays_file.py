@@ -41,15 +41,14 @@ def test_arrays_are_a_scan(suffix, tmp_path):
     assert scan.digest == wanted.digest
 
 
-@pytest.mark.parametrize("compress", [False, True])
-def test_matlab_s_ways_of_saving_are_read(compress, tmp_path):
+def test_matlab_s_ways_of_saving_are_read(tmp_path):
     cell = np.empty((4, 1), dtype=object)
     cell[:, 0] = ["A", "B", "A", "long"]
     arrays = {
         "force": np.round(READINGS * 100).astype(np.int16).reshape(4, 2, 3),
         "where": POSES, "who": cell, "learn": np.array([[True], [False], [True], [False]]),
     }  # fmt: skip
-    savemat(tmp_path / "a.mat", arrays, do_compression=compress)
+    savemat(tmp_path / "a.mat", arrays, do_compression=True)
     names = {"readings": "force", "poses": "where", "labels": "who", "split": "learn"}
     scan = read_arrays(tmp_path / "a.mat", names, PAD, "count")
     assert np.array_equal(scan.readings, np.round(READINGS * 100))
@@ -72,13 +71,9 @@ def test_what_no_run_could_use_is_refused_at_import(arrays, says, tmp_path, here
     assert not (tmp_path / "scan.npz").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "says"), [("one.npy", "numpy.savez"), ("text.txt", "a press a row in a .csv file")]
-)
-def test_files_of_no_format_are_refused_for_that(name, says, tmp_path, here):
+def test_a_file_of_no_format_is_refused_for_that(tmp_path, here):
     np.save(tmp_path / "one.npy", READINGS)
-    (tmp_path / "text.txt").write_text("a,b\n1,2\n")
-    refused(here("import", name, *WORDS), says)
+    refused(here("import", "one.npy", *WORDS), "numpy.savez")
 
 
 def test_arrays_are_imported_by_their_names(tmp_path, here):
@@ -98,10 +93,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'"),
-        (["a.npz", *WORDS, "--poses", "readings"], "poses has shape"),
-        (["a.npz", *WORDS, "--pad", "emulatd"], "did you mean 'emulated'"),
         (["b.h5", *WORDS], "says its pad and unit itself"),
-        (["b.h5", "--poses", "places", "--out", "scan.npz"], "--poses is of .npz and .mat files"),
     ],
 )
 def test_a_mistake_is_one_line(words, says, tmp_path, here):
@@ -119,7 +111,6 @@ def test_a_mistake_is_one_line(words, says, tmp_path, here):
     [
         ({"readings": {"a": READINGS}}, "is a struct, no numbers"),
         ({"readings": np.array([[READINGS, 1]], dtype=object)}, "cell of more than texts"),
-        ({"readings": READINGS.astype(complex)}, "no numbers"),
     ],
 )
 def test_a_mat_file_of_anything_else_is_refused(arrays, says, tmp_path):
@@ -134,12 +125,11 @@ def test_a_mat_file_that_claims_too_much_is_refused(tmp_path, monkeypatch):
         read_arrays(tmp_path / "a.mat", {"readings": "readings"}, PAD, "N")
 
 
-@pytest.mark.parametrize("compress", [False, True])
-def test_a_damaged_mat_file_is_read_or_refused_in_one_line(compress, tmp_path):
+def test_a_damaged_mat_file_is_read_or_refused_in_one_line(tmp_path):
     cell = np.array(["A", "B", "A", "long"], dtype=object)
     arrays = {"readings": READINGS, "poses": POSES, "labels": cell, "split": np.array([1, 0, 1, 0])}
     path = tmp_path / "a.mat"
-    savemat(path, arrays, do_compression=compress)
+    savemat(path, arrays)
     content = path.read_bytes()
     for seed in range(100):  # of 1,200 files that are damaged like this SciPy's reader dies of one
         path.write_bytes(damaged(content, np.random.default_rng(seed)))
@@ -150,20 +140,3 @@ def test_a_damaged_mat_file_is_read_or_refused_in_one_line(compress, tmp_path):
         except BaseException as error:
             error.add_note(f"seed {seed}")
             raise
-
-
-def test_a_run_says_of_which_objects_no_symmetry_is_known(tmp_path, here):
-    save(
-        tmp_path / "a.npz", labels=np.array(["bar", "disc"] * 2), split=np.array(["train"] * 2 + ["test"] * 2)
-    )
-    (tmp_path / "bar.svg").write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="20mm" viewBox="0 0 20 20">'
-        '<path d="M2 8h16v4h-16z"/></svg>'
-    )
-    done = here("import", "a.npz", "--split", "split", *WORDS, "--shape", "bar.svg")
-    assert done.returncode == 0, done.stderr
-    assert Scan.load(tmp_path / "scan.npz").meta["objects"]["bar"]["symmetry"] == 2
-    run = here("run", "--scan", "scan.npz", "--estimator", "nearest", "--trials", "1", "--readings", "1")
-    assert "no symmetry is known of disc: a turn that looks the same counts as an error" in " ".join(
-        run.stdout.split()
-    )

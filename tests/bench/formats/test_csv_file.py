@@ -45,14 +45,13 @@ def test_tabs_and_a_separator_behind_the_last_cell_are_read(read):
     assert read(TITLE, *(f"{row},," for row in ROWS)).digest == WANTED.digest
 
 
-@pytest.mark.parametrize(("word", "line"), [("1.234", 3), ("1.234,5", 3)])
-def test_a_point_among_decimal_commas_is_refused_with_its_cell(read, word, line):
+def test_a_point_among_decimal_commas_is_refused_with_its_cell(read):
     rows = [
         row.replace(",", ";").replace(".", ",")
         for row in ("A,train,1.5,0,0,,1,1,2,3,4,5,6", "A,train,1,0,0,,2,1,2,3,4,5,6")
     ]
-    rows[1] = rows[1].replace(";3;", f";{word};")
-    with pytest.raises(InputError, match=f"line {line}: t2: .*'{word} among decimal commas'"):
+    rows[1] = rows[1].replace(";3;", ";1.234;")
+    with pytest.raises(InputError, match=r"line 3: t2: .*'1\.234 among decimal commas'"):
         read(TITLE.replace(",", ";"), *rows)
 
 
@@ -78,24 +77,16 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
-        ([], "holds no presses; columns are label, "),
         ([TITLE], "holds no presses"),
         ([TITLE.replace("theta_rad", "angle"), *ROWS], r"line 2: missing is theta_rad \(or theta_deg\)"),
-        ([TITLE.replace("load_N", "theta_deg"), *ROWS], "line 2: theta_rad and theta_deg both say the angle"),
-        ([TITLE.replace("theta_rad", "theta_deg"), "A,train,0,0,x,,1,1,2,3,4,5,6"], "line 2: theta_deg: give a num"),
         ([TITLE, *ROWS, "", "B,dev,0,0,-3,,2,9,8,7,6,5,4"], "line 6: split: give 'train' or 'test'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a finite number, got ''"),
-        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,nan"], "line 5: t5: give a finite number, got 'nan'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,4,3"], "line 5: .*more columns than the title"),
         ([TITLE.replace("t1", "t0"), *ROWS], "two columns are called 't0'"),
-        ([TITLE, *ROWS, "B,test,0,0,-3,,2,,8,7,6,5,4"], "line 5: t0: give a finite number, got ''"),
         ([TITLE, *ROWS, "B,test,0,0,-180,,2,9,8,7,6,5,4"], "line 5: theta_rad: -180 rad are .* theta_deg"),
-        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7 kPa,6,5,4"], "line 5: t2: give a finite number, got '7 kPa'"),
         ([TITLE, *ROWS, 'B,test,0,0,-3,,2,9,"1,234",7,6,5,4'], "line 5: t1: give a finite number, got '1,234'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,,9,8,7,6,5,4"], "line 5: either all rows have a number in the column press"),
-        ([TITLE, *ROWS, "B,test,0,0,-3,-1,2,9,8,7,6,5,4"], "line 5: load_N: give a number of at least 0"),
         ([TITLE + ",t6", ROWS[0] + ",1"], "line 2: 7 columns of taxels, t0, t1, t2 ..., and the pad has 6"),
-        ([TITLE, "none" + ROWS[0][1:]], "a letter is called 'none'"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_with_its_line(read, lines, says):
@@ -110,9 +101,4 @@ def test_a_table_is_imported_from_the_command_line(tmp_path, here):
     assert done.returncode == 0, done.stderr
     assert Scan.load(tmp_path / "scan.npz").digest == WANTED.digest
     assert "were not zeroed; --zero N sets it" in done.stdout
-    refused(here("import", "lab.csv", "--out", "b.npz"), "give --pad and --unit")
-    refused(
-        here("import", "lab.csv", "--pad", "pad.toml", "--unit", "N", "--labels", "a", "--out", "b.npz"),
-        "--labels is of .npz and .mat files; a .csv file has columns of fixed names",
-    )
     refused(here("run", "--scan", "lab.csv"), "not a whole .npz file", "`bench import`")

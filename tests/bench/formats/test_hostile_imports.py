@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import zlib
 
 import h5py
@@ -12,12 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 from hostile import damaged
 from made_scans import make_scan
-from mcap.writer import Writer
 
 from tactsim.bench import formats
 from tactsim.core import InputError
 
-CASES = 60
+CASES = 30
 TRAIN = "data/train-00000-of-00001.parquet"
 
 
@@ -49,12 +47,11 @@ def reads_or_refuses(path):
         assert len(str(error)) < 3000  # noqa: PT017
 
 
-@pytest.mark.parametrize("frames", [0, 3])
 @pytest.mark.parametrize(
     ("name", "file"), [("parquet", TRAIN), ("parquet", "scan.json"), ("mcap", ""), ("hdf5", "")]
 )
-def test_a_damaged_file_is_read_or_refused_in_one_line(name, file, frames, written):
-    path = written(name, frames=frames)
+def test_a_damaged_file_is_read_or_refused_in_one_line(name, file, written):
+    path = written(name, frames=3)
     target = path / file if file else path
     content = target.read_bytes()
     for seed in range(CASES):
@@ -85,18 +82,12 @@ def with_column(table, name, array):
     ("change", "says"),
     [
         (lambda t: t.drop_columns(["readings"]), "column readings should be once"),
-        (lambda t: t.append_column("readings", t["pose"]), "column readings should be once|no whole Parquet"),
         (
             lambda t: with_column(t, "readings", t["pose"]),
             r"column readings should be .*fixed_size_list.*\[4\]",
         ),
         (lambda t: with_column(t, "label", pa.array(["x" * 500] * len(t))), "too long or not printable"),
-        (lambda t: with_column(t, "label", pa.array([None] * len(t), pa.string())), "a label is missing"),
         (lambda t: with_column(t, "row", pa.array([0] * len(t))), "not numbered from 0"),
-        (
-            lambda t: with_column(t, "row", pa.array([None] * len(t), pa.int64())),
-            "a number of the column row is missing",
-        ),
     ],
 )
 def test_a_table_of_another_make_is_refused(change, says, written):
@@ -138,15 +129,6 @@ def outside(file):
     file["readings"] = h5py.ExternalLink("/etc/passwd", "/readings")
 
 
-def soft(file):
-    file.move("readings", "elsewhere")
-    file["readings"] = h5py.SoftLink("/elsewhere")
-
-
-def external_bytes(file):
-    replace(file, "readings", shape=(6, 4), dtype="f8", external=[("/etc/passwd", 0, 192)])
-
-
 def virtual(file):
     del file["readings"]
     layout = h5py.VirtualLayout(shape=(6, 4), dtype="f8")
@@ -158,19 +140,12 @@ def huge(file):
     replace(file, "readings", shape=(10**9, 4), dtype="f8", chunks=(1000, 4))
 
 
-def big_chunk(file):
-    replace(file, "readings", shape=(6, 4), maxshape=(None, 4), dtype="f8", chunks=(10**8, 4))
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         (outside, "no dataset readings of its own"),
-        (soft, "no dataset readings of its own"),
-        (external_bytes, "lies in another file"),
         (virtual, "lies in another file"),
         (huge, "claims"),
-        (big_chunk, "claims"),
     ],
 )
 def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change, says, written):
@@ -179,29 +154,8 @@ def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change
     refuses(path, says)
 
 
-# ---- MCAP
-
-
-def mcap(path, name, content):
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        writer.add_attachment(0, 0, name, "application/zip", content)
-        writer.finish()
-    return path
-
-
 @pytest.mark.parametrize("name", ["mcap", "hdf5"])
 def test_a_pipe_is_not_waited_for(name, tmp_path):
     path = tmp_path / ("x" + formats.FORMATS[name].suffixes[0])
     os.mkfifo(path)
     refuses(path, "not a regular file")
-
-
-def test_a_file_of_parquet_that_is_a_link_to_a_device_is_not_read(written):
-    path = written("parquet")
-    (path / TRAIN).unlink()
-    (path / TRAIN).symlink_to("/dev/zero")
-    refuses(path, "not a regular file")
-    shutil.rmtree(path / "data")
-    refuses(path, "has no data/train")

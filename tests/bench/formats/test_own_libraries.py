@@ -53,37 +53,6 @@ def test_parquet_is_read_by_pyarrow_polars_and_duckdb(scan, tmp_path):
         assert largest == [(half.readings.max(),)]
 
 
-def test_a_data_card_says_splits_columns_units_and_licence(scan, tmp_path):
-    formats.write(scan, tmp_path / "out", "parquet")
-    _, head, text = (tmp_path / "out" / "README.md").read_text(encoding="utf-8").split("---\n", 2)
-    yaml = {name: json.loads(value) for name, value in (line.split(": ", 1) for line in head.splitlines())}
-    assert yaml["license"] == "cc0-1.0"
-    assert yaml["size_categories"] == ["n<1K"]
-    assert [file["split"] for file in yaml["configs"][0]["data_files"]] == ["train", "test"]
-    schema = pq.read_schema(tmp_path / "out" / "data" / "train-00000-of-00001.parquet")
-    assert [feature["name"] for feature in yaml["dataset_info"]["features"]] == schema.names
-    for name in schema.names:
-        assert f"| {name} |" in text
-    assert "| readings | kPa |" in text
-    assert "sensor_in_object" in text
-
-
-@pytest.mark.parametrize(
-    ("meta", "lines"),
-    [
-        ({}, ['license: "unknown"']),
-        ({"licence": "CC-BY-4.0"}, ['license: "cc-by-4.0"']),
-        ({"licence": "LicenseRef-ours"}, ['license: "other"', 'license_name: "LicenseRef-ours"']),
-        ({"licence": "MIT", "train": {"licence": "CC0-1.0"}}, ['license: "unknown"']),
-        ({"licence": "MIT", "train": {"licence": "MIT"}}, ['license: "mit"']),
-    ],
-)
-def test_a_licence_is_told_to_hugging_face_by_its_own_names(meta, lines, tmp_path):
-    formats.write(make_scan(np.random.default_rng(0), meta=meta), tmp_path / "out", "parquet")
-    card = (tmp_path / "out" / "README.md").read_text(encoding="utf-8").splitlines()
-    assert [line for line in card if line.startswith("license")] == lines
-
-
 def test_hdf5_says_unit_and_description_of_every_array(scan, tmp_path):
     formats.write(scan, tmp_path / "out.h5", "hdf5")
     with h5py.File(tmp_path / "out.h5") as file:
@@ -143,17 +112,6 @@ def test_mcap_has_the_exact_readings_and_the_poses_in_metres(scan, tmp_path):
     if scan.sequence is not None:
         times = [seconds % 1 for _, seconds, _ in messages(tmp_path / "out.mcap", "/frame")]
         assert times == pytest.approx(np.tile(scan.sequence_times, len(scan)))
-
-
-def test_a_pad_with_a_taxel_left_out_is_drawn_with_a_hole(tmp_path):
-    full = make_scan(np.random.default_rng(2), taxels=6)
-    xy = np.delete(PAD.taxel_xy, 4, axis=0)
-    readings = np.arange(1.0, 31.0).reshape(6, 5)
-    formats.write(Scan(readings, full.poses, full.labels, full.split, xy), tmp_path / "out.mcap", "mcap")
-    _, _, image = next(messages(tmp_path / "out.mcap", "/tactile"))
-    pixels = np.frombuffer(base64.b64decode(image["data"]), "<f4").reshape(2, 3)[::-1].ravel()
-    assert pixels[4] == 0
-    assert np.delete(pixels, 4) == pytest.approx(readings[0] / readings.max())
 
 
 @pytest.mark.parametrize("times", [[1e-300, 2e-300, 3e-300], [1e8, 2e8, 1e9]])

@@ -113,12 +113,9 @@ def test_images_are_presses_in_the_order_of_their_numbers():
 @pytest.mark.parametrize(
     ("like", "files", "says"),
     [
-        ("dtmf7", {"a_raster.mat": mat({"all_trials": np.ones((2, 255, 5))})}, "shape"),
         ("dtmf7", {"a_raster.mat": mat({"all_trials": np.ones((2, 256, 5))})}, "no rise"),
-        ("dtmf7", {"a_raster.mat": mat({"other": np.ones(2)})}, "no array 'all_trials'"),
         ("dtmf7", {"a_raster.mat": b"cut short"}, "no whole MAT file"),
         ("schunk5", {"A/g.mat": mat({"TS": np.ones((2, 2))})}, "no 'TS{1}'"),
-        ("tekscan22", {"i.zip": b"PK"}, "no whole ZIP file"),
         ("tekscan22", {"i.zip": images([], np.random.default_rng(0))[0]["images.zip"]}, "no images"),
     ],
 )
@@ -136,11 +133,7 @@ def test_a_recording_is_got_from_a_folder(here, tmp_path, monkeypatch):
     laid(tmp_path / "there", files)
     got = here("data", "get", "mine", "--from", "there", "--out", "s.npz")
     assert got.returncode == 0, got.stderr
-    assert "4 readings of cross" in got.stdout
-    assert "ask them" in got.stdout
     assert np.allclose(Scan.load(tmp_path / "s.npz").readings, readings)
-    again = here("data", "get", "mine", "--from", "there/X_raster.mat", "--json")
-    assert json.loads(again.stdout)["letters"] == ["cross"]
     refused(here("data", "get", "mine", "--from", "there", "--out", "s.npz"), "s.npz exists")
     (tmp_path / "there" / "X_raster.mat").write_bytes(b"other")
     refused(
@@ -149,7 +142,6 @@ def test_a_recording_is_got_from_a_folder(here, tmp_path, monkeypatch):
         "SHA-256",
         "at commit",
     )
-    refused(here("data", "get", "mine", "--from", "nowhere", "--out", "t.npz"), "nowhere")
     assert not (tmp_path / "t.npz").exists()
 
 
@@ -173,17 +165,11 @@ def test_without_a_network_it_is_said_where_a_file_is_to_be_put(here, tmp_path, 
 
 
 def test_what_is_known_is_listed_and_names_are_checked(here):
-    listed = here("data").stdout
-    for word in ("dtmf7", "tekscan22", "schunk5", "none stated", "LicenseRef-st-hmp", "nominal", "17.9 MB"):
-        assert word in listed
     known = json.loads(here("data", "--json").stdout)
     assert [len(one["files"]) for one in known.values()] == [7, 1, 51]
     assert all(one["commit"] in one["address"] for one in known.values())
     refused(here("data", "get", "dtmf8"), "dtmf8", "dtmf7")
     refused(here("data", "got", "dtmf7"), "bench data get NAME")
-    refused(here("data", "get"), "bench data get NAME")
-    refused(here("data", "--out", "x.npz"), "bench data get NAME")
-    refused(here("data", "get", "schunk5", "--from", "known.npz", "--out", "x.npz"), "51 files", "folder")
 
 
 def prepared(monkeypatch, folder, like, files, **how):
@@ -236,6 +222,3 @@ def test_a_task_on_a_recording_says_how_to_get_it_and_is_run(here, tmp_path, mon
     done = here(*words)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["letters"] == ["cross", "triangle"]
-    hashed = here("tasks", "mine-v1.toml", "--hash", "--json")
-    assert len(set(json.loads(hashed.stdout)["pressed"])) == 5
-    refused(here("run", "--scan", "recording:other-v1"), "other-v1", "mine-v1")

@@ -69,6 +69,7 @@ def test_presses_are_laid_over_each_other_as_they_truly_lay():
     assert np.array_equal(made.where("test").poses, np.zeros((24, 3)))
 
 
+@pytest.mark.long
 def test_an_object_that_lies_on_two_sides_gets_two_views_and_is_named_as_one():
     scan = lost(scan_of(["key", "tee"], {"key": ("ell", "two")}, presses=10))
     made, found = align(scan)
@@ -132,25 +133,6 @@ def test_what_a_rigid_motion_and_the_symmetry_leave_open_is_found_and_presses_th
     assert between == pytest.approx(compose(invert(lies[0]), lies[views == 0]), abs=1e-9)  # moved as one
 
 
-def test_no_small_motion_brings_a_view_nearer_to_the_true_frame():
-    rng = np.random.default_rng(0)
-    of = Properties(1, (2.0, -3.0), 80.0)
-    true = np.column_stack([rng.uniform(-10, 10, (9, 2)), rng.uniform(-np.pi, np.pi, 9)])
-    loose = compose(true, rng.normal(0, [1.0, 1.0, 0.1], (9, 3)))
-    found = _in_frame_of(
-        Alignment(compose([30.0, 7.0, 2.0], loose), np.zeros(9, np.int64), np.ones(9)), true, of
-    )
-    half = np.argsort(placement_error(found.poses, true, of))[:5]
-
-    def squares(turn, x, y):
-        about = compose([*of.centre, 0.0], compose([x, y, turn], invert([*of.centre, 0.0])))
-        return (placement_error(compose(about, found.poses), true, of)[half] ** 2).sum()
-
-    least = squares(0.0, 0.0, 0.0)
-    for step in ([0, 0.05, 0], [0, -0.05, 0], [0, 0, 0.05], [0, 0, -0.05], [0.02, 0, 0], [-0.02, 0, 0]):
-        assert squares(*step) > least
-
-
 def changed(row, reading):
     scan = lost(scan_of(["tee", "ell"]))
     readings = scan.readings.copy()
@@ -162,7 +144,6 @@ def changed(row, reading):
     ("scan", "words"),
     [
         (lambda: scan_of(["tee"]), "--poses unknown"),
-        (lambda: lost(scan_of(["tee"])).where("test"), "no training presses"),
         (lambda: lost(scan_of(["tee"], presses=1)), "'tee' has one training press"),
         (
             lambda: changed(2, lambda rng: rng.normal(0, 1, PAD.taxels)),
@@ -180,11 +161,6 @@ def test_what_cannot_be_aligned_is_refused(scan, words):
         align(scan())
 
 
-def test_poses_that_nobody_knows_cannot_be_withheld():
-    with pytest.raises(InputError, match="leave out --poses unknown"):
-        align(lost(scan_of(["tee"])), withheld=True)
-
-
 def test_the_verb_aligns_and_cuts_and_its_scan_is_run(here, tmp_path):
     lost(scan_of(list(BOXES), presses=6)).save(tmp_path / "presses.npz")
     cut = ["--cut", "8x8", "--stride", "4", "--touching", "3:20"]
@@ -198,4 +174,3 @@ def test_the_verb_aligns_and_cuts_and_its_scan_is_run(here, tmp_path):
     assert run.about["protocol"].startswith("one press a trial")
     words = ["align", "presses.npz", "--out", "b.npz"]
     refused(here(*words, *cut[4:]), "say how large they are with --cut")
-    refused(here(*words, *cut[:4], "--touching", "many"), "COUNT:READING")

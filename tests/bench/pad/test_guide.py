@@ -55,27 +55,10 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
         assert "3 readings of A in A.npz" in terminal.screen.text
         assert whole(terminal.screen)
     assert "press 2 of 3, 1 done" in shown[0]
-    assert "space" in shown[-1]
-    side_by_side = next(line for line in shown if "the pad now" in line)
-    assert shown.index(side_by_side) == 2
-    assert any(set("#+.") & set(line[:36]) and line[39:].strip() for line in shown[3:9])
-    assert "?" in "".join(lost)
     assert "there is no such port" in "".join(lost)
     assert not any(character.isdigit() for line in lost[3:9] for character in line[39:])
     kinds = [record.kind for record in RecordReader(tmp_path / "A.tactrec")]
     assert Kind.LOST in kinds
-
-
-@pytest.mark.long
-def test_the_guide_stops_at_a_key_while_the_pad_is_lost(bench, on_terminal, tmp_path):
-    with emulated(bench, "--port", "pty:pad"):
-        terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
-        terminal.until(lambda screen: "lift the letter" in screen.text)
-    with terminal:
-        terminal.until(lambda screen: "THE PAD IS LOST" in screen.text)
-        terminal.press("q")
-        assert terminal.ended(20) == 0
-        assert "0 of 192 presses are in A.tactrec" in terminal.screen.text
 
 
 @pytest.mark.long
@@ -90,10 +73,7 @@ def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path
     assert list(RecordReader(tmp_path / "A.tactrec"))
 
 
-@pytest.mark.parametrize(
-    ("rows", "columns", "pitch"),
-    [(1, 1, 5.0), (6, 6, 1.9), (5, 5, 4.0), (9, 10, 2.0), (16, 32, 2.0), (64, 64, 1.0)],
-)
+@pytest.mark.parametrize(("rows", "columns", "pitch"), [(1, 1, 5.0), (6, 6, 1.9), (64, 64, 1.0)])
 @pytest.mark.parametrize("lost", [False, True])
 def test_the_picture_fits_80_x_24_whatever_the_pad(rows, columns, pitch, lost):
     pad = Pad(rows=rows, columns=columns, pitch_x=pitch, pitch_y=pitch, taxel_width=pitch - 0.1,

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from command_line import emulated, refused
+from command_line import refused
 
 import tactsim
 from tactsim.bench.pad.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
@@ -35,7 +35,6 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     session.send_signal(signal.SIGINT)
     output, errors = session.communicate(timeout=30)
     assert session.returncode == 0, errors
-    assert output.count("presses are kept in") == 1
     assert "of 12 presses are measured; the same command" in output
     assert not (tmp_path / "friday").exists()
     kept = scan_of_sessions([tmp_path / "friday.presses" / "I-1.tactrec"])
@@ -44,8 +43,6 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert done.returncode == 0, done.stderr
     assert "trial 2 of 4: press 3 of 3: taken" in done.stdout
     assert "trial 1 of 4" not in done.stdout
-    assert "presses on a pad" in done.stdout
-    assert "friday/readings.png" in done.stdout
     run = load(tmp_path / "friday")
     assert run.trials.label.shape == (4, 3)
 
@@ -64,41 +61,18 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     again = tactsim.run(**config)
     assert np.array_equal(again.trials.label, run.trials.label)
     assert np.array_equal(again.trials.pose, run.trials.pose)
-    fewer = tactsim.run(**{**config, "bins": 500, "trials": 1, "readings": 2})
-    assert fewer.trials.label.shape == (2, 2)
     with pytest.raises(tactsim.InputError, match=r"I-3.tactrec was not measured yet.*--port"):
         tactsim.run(**{**config, "trials": 3})
     refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
-
-
-@pytest.mark.long
-def test_a_run_outlives_a_pad_that_is_lost(bench, scan_file, tmp_path):
-    follow = "r.presses/O-1.tactrec"
-    hand = ["--follow", follow, "--rate", "200", "--lift", "0.3", "--scan-set", "sensor.noise=0.2"]
-    words = ["run", "--port", "pad", "--train-scan", scan_file, "--letters", "O", "--trials", "1", "--readings", "3",
-             "--frames", "5", "--patience", "2", "--estimator", "nearest", "--out", "r"]  # fmt: skip
-    with emulated(bench, "--port", "pty:pad", *hand):
-        run = bench.start(*words)
-        wait_for(lambda: marks(tmp_path / follow) >= 1)
-    with emulated(bench, "--port", "pty:pad", *hand):
-        output, errors = run.communicate(timeout=60)
-    assert run.returncode == 0, errors
-    assert "press 3 of 3: taken" in output
-    assert load(tmp_path / "r").trials.label.shape == (1, 3)
-    counters = [record for record in Tail(tmp_path / follow).poll() if record.kind is Kind.END][-1].json()
-    assert counters["counters"]["reconnects"] >= 1
 
 
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
         (["--port", "pad"], ["--train-scan", "bench record"]),
-        (["--port", "pad", "--train-scan", "no.npz"], ["no.npz: No such file"]),
         (["--port", "pad", "--train-scan", "two.npz"], ["cannot open pad", "no such port"]),
         (["--port", "pad", "--train-scan", "two.npz", "--device", "singletact-5x5"], ["another pad"]),
         (["--port", "simulated:A@0,0,0.3", "--train-scan", "two.npz"], ["never lifted", "simulated:hand"]),
-        (["--port", "pad", "--train-scan", "two.npz", "--scan", "two.npz"], ["leave out --port or --scan"]),
-        (["--port", "pad", "--train-scan", "two.npz", "--set", "x=1"], ["x"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, scan_file, tmp_path, words, parts):

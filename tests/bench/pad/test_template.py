@@ -12,7 +12,7 @@ from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
 from tactsim.core.pad import Pad
 from tactsim.core.poses import invert, transform
 from tactsim.models import letter
-from tactsim.press.scan_poses import POSITIONS, grid_poses
+from tactsim.press.scan_poses import grid_poses
 
 POINT = 25.4 / 72  # mm
 BOLD = 0.35  # mm
@@ -83,9 +83,8 @@ def drawn(paper="a4", behind=True, name="R"):
 
 
 @pytest.mark.parametrize("paper", PAPERS)
-@pytest.mark.parametrize("behind", [True, False])
-def test_pages_and_rulers_have_their_true_size(paper, behind):
-    figures = draw_sheets([letter("R")], Sheets(paper, Pad(), behind))
+def test_pages_and_rulers_have_their_true_size(paper):
+    figures = draw_sheets([letter("R")], Sheets(paper, Pad(), from_behind=True))
     pages = pages_of(figures)
     assert sizes_of(as_pdf(figures)) == [pytest.approx(PAPERS[paper], abs=0.01)] * 2
     for page in pages:
@@ -125,25 +124,6 @@ def test_the_sheets_put_the_letter_where_every_pose_of_the_scan_says(behind):
         assert np.allclose(on_pad, transform(invert(pose), contour), atol=0.005)
 
 
-@pytest.mark.parametrize("behind", [True, False])
-def test_whole_millimetres_and_every_five_degrees_are_marked(behind):
-    pad_page, letter_page = drawn("letter", behind)
-    assert len({name for name, _ in pad_page.words} & {str(at) for at in range(0, 360, 30)}) == 12
-    middle = middle_of_rays(pad_page)
-    rays = [line - middle for width in (0.1, BOLD) for line in pad_page.lines(width)]
-    through = [ray for ray in rays if abs(np.linalg.det(ray)) < 0.05 and np.linalg.norm(ray[1]) > 40]
-    angles = np.sort(np.round(np.rad2deg([np.arctan2(*ray[1][::-1]) for ray in through]), 2) % 360)
-    assert np.allclose(np.unique(np.round(angles)), np.arange(0, 360, 5))
-    marks = [line for width in (0.1, 0.2) for line in letter_page.lines(width)]
-    middle = np.mean(
-        [letter_page.line_called(f"{axis} {at:g}").mean(axis=0) for axis in "xy" for at in POSITIONS], axis=0
-    )
-    upright = {
-        round(float(line[0, 0] - middle[0]), 2) for line in marks if abs(line[0, 0] - line[1, 0]) < 1e-6
-    }
-    assert {float(at) for at in range(-15, 16)} <= upright
-
-
 def test_what_does_not_fit_on_a_sheet_is_refused(here, tmp_path):
     (tmp_path / "big.toml").write_text(
         'name = "big"\n[codec]\nkind = "pps-csv"\ntaxels = 256\n'
@@ -151,8 +131,6 @@ def test_what_does_not_fit_on_a_sheet_is_refused(here, tmp_path):
     )
     refused(here("template", "--device", "big.toml", "--out", "t.pdf"), "the pad reaches", "has room for")
     refused(here("template", "--out", "t.png"), "FILE.pdf")
-    refused(here("template", "--out", "t.pdf", "--paper", "a5"), "say a4 or letter")
-    refused(here("template", "--out", "t.pdf", "--letters", "?"), "unknown letter")
     assert not (tmp_path / "t.pdf").exists()
 
 
@@ -161,5 +139,3 @@ def test_the_command_writes_a_page_for_the_pad_and_each_letter(here, tmp_path):
     assert said.returncode == 0, said.stderr
     assert "3 pages in t.pdf" in said.stdout
     assert len(sizes_of((tmp_path / "t.pdf").read_bytes())) == 3
-    assert here("template", "--letters", "AE", "--out", "again.pdf").returncode == 0
-    assert (tmp_path / "again.pdf").read_bytes() == (tmp_path / "t.pdf").read_bytes()

@@ -8,7 +8,6 @@ import tomli_w
 
 from tactsim import models
 from tactsim.bench.config import scan_options
-from tactsim.bench.pad import explained
 from tactsim.bench.pad.fitted_world import clipped, fitted_world, stated_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
 from tactsim.bench.pad.validation import means, numbers_of_copies
@@ -91,16 +90,6 @@ def test_with_a_known_wrist_the_layer_and_the_tilt_are_found(stiffness, degrees,
     assert fit.stiffness_high == np.inf
 
 
-@pytest.mark.slow
-def test_with_a_known_layer_the_wrist_is_found_though_a_rigid_one_was_simulated():
-    fit, world = fitted(RIGID, tilt=0.0044, stiffness=1000.0, force=2.5, **SOFT)
-    assert fit.held == "layer"
-    assert world["press"]["stiffness"] == 1000.0
-    assert world["press"]["wrist_stiffness"] == pytest.approx(300, rel=0.15)
-    assert world["press"]["force"] == pytest.approx(2.5, rel=0.02)
-    assert world["placement_tilt"] == pytest.approx(0.0044, rel=0.2)
-
-
 @pytest.mark.long
 def test_outlines_that_are_not_as_drawn_are_found_and_bend_no_response():
     """Without numbers of their own, wider outlines pass for a response that is less steep, and for other places."""
@@ -134,35 +123,9 @@ def test_an_outline_is_moved_by_what_is_asked_and_never_away():
     assert wider(letter, -9.0).footprint.area() > 0.25 * letter.footprint.area()
 
 
-def test_an_ablation_ends_in_the_fitted_world(monkeypatch):
-    """Each world has one part of the fit more than the one before, and the last has all."""
-    world = fitted(RIGID, angles=2, **RIGID)[1]
-    world = {**world, "load_spread": 0.1, "unit": "count"}
-    worlds = []
-
-    def scanned(options):
-        worlds.append(options)
-        return None, None
-
-    def known(scan, *_):
-        return {"accuracy": [0.5, 0.75], "touches_to_95": None}, np.ones((4, 2), bool)
-
-    monkeypatch.setattr(explained, "scan_letters", scanned)
-    monkeypatch.setattr(explained, "recognised", known)
-    start = ScanOptions(letters=("E",), placement_tilt=0.0, press=RIGID)
-    rows = explained.ablation(start, world, None, "refined", {}, 1, 2, 7, None)
-    assert worlds[0] == start.model_copy(update={"seed": 7, "unit": "count"})
-    assert worlds[-1] == ScanOptions.model_validate({**world, "seed": 7})
-    assert [row["accuracy"] for row in rows] == [0.75] * len(worlds)
-    assert all(row["gained"] == (0.0, 0.0, 0.0) for row in rows)
-
-
-@pytest.mark.parametrize(
-    "pad",
-    [Pad(), Pad(seam=None), Pad(rows=16, columns=13, seam=None, unread_columns=2), Pad(columns=1, seam=None)],
-)
-@pytest.mark.parametrize("press", [{}, RIGID, {**SOFT, "stiffness": 50.0}])
-@pytest.mark.parametrize("unit", ["kPa", "N", "V", "count"])
+@pytest.mark.parametrize("pad", [Pad(), Pad(rows=16, columns=13, seam=None, unread_columns=2)])
+@pytest.mark.parametrize("press", [RIGID, {**SOFT, "stiffness": 50.0}])
+@pytest.mark.parametrize("unit", ["kPa", "count"])
 def test_a_world_is_read_as_it_was_simulated(tmp_path, pad, press, unit):
     options = ScanOptions(letters=("E",), pad=pad, press=press)
     (tmp_path / "world.toml").write_bytes(tomli_w.dumps(stated_world(options, unit)).encode())
@@ -206,6 +169,3 @@ def test_a_world_that_is_written_is_accepted(tmp_path):
         options = scan_options(world=str(tmp_path / "world.toml"))
     assert set(clipped(ScanOptions(), wild)) >= {"gain_spread", "placement_rad", "noise", "tilt_y"}
     assert options.sensor.gain_spread == 1
-    assert options.press.stiffness == 1
-    assert options.press.tilt_y == -0.2
-    assert options.press.wrist_stiffness == 1e7

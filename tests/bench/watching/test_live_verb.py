@@ -1,6 +1,5 @@
 """`bench live` as a user calls it: a hidden object, a pad behind a pty, a recorded session; and what is refused."""
 
-import io
 import json
 import signal
 import time
@@ -9,37 +8,13 @@ import numpy as np
 import pytest
 from command_line import BENCH, emulated, refused
 from pty_session import Terminal
-from rich.console import Console
 
-from tactsim.bench.watching.live_screen import live
-from tactsim.bench.watching.pad_view import PadReader
-from tactsim.bench.watching.pressed_source import HiddenObject
-from tactsim.bench.watching.recogniser import Recogniser, on_taxels
-from tactsim.bench.watching.told import Told, Truth
-from tactsim.bench.watching.touch_leader import LiveView, TouchLeader
 from tactsim.core import Scan
 from tactsim.core.reading import Reading
-from tactsim.estimators import create
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.session import Plan
-from tactsim.models import letter
-from tactsim.press import ScanOptions, scan_letters
 
-POSE = (0.0, 4.0, 0.0)
 SMALL = ["--estimator", "histogram", "--set", "bins=1000"]
-
-
-@pytest.fixture
-def one_pose(device, scan_file):
-    """Let a simulated hand press the letter I at one pose."""
-    train = on_taxels(Scan.load(scan_file), device.pad.taxel_xy, "x")
-    estimator = create("histogram", bins=1000)
-    place = np.array([1.0, 0.5, 0.4])
-    hidden = HiddenObject(letter("I"), place, np.array([POSE]), device, 0)
-    plan = Plan(label="live", poses=(POSE,), frames=5, window=5, patience=1.0, touch_kpa=10.0)
-    leading = TouchLeader(Recogniser.fitted(estimator, train, 0), plan, device.pad, "random", 0, hand=hidden)
-    told = Told(leading, train, estimator.maps, hidden, Truth("I", place), from_behind=True)
-    return leading, told, PadReader(hidden, device, "here", on_reading=leading.take)
 
 
 @pytest.fixture
@@ -69,7 +44,6 @@ def test_a_shape_of_ones_own_is_learned_and_hidden(here, tmp_path):
     said = json.loads(here("live", *words, "bar.svg", *SMALL).stdout.splitlines()[-1])
     assert said["truth"] == "bar"
     assert set(said["probabilities"]) == {*"AEIOU", "bar"}
-    refused(here("live", "--port", "simulated:rod", "--shape", "bar.svg"), "unknown letter 'rod'")
 
 
 @pytest.mark.long
@@ -86,30 +60,6 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     assert 0 <= last["error_mm"] < 10
     assert len({tuple(one["sensor_in_robot"]) for one in said}) == 3
     assert all(one["delay_ms"] > 0 for one in said)
-    assert "3 touches, each known " in result.stderr
-    assert all(one["unexplained"] >= 0 for one in said)
-
-
-@pytest.mark.long
-def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(here, tmp_path):
-    scan_letters(ScanOptions(letters=("I", "L")))[0].save(tmp_path / "il.npz")
-    result = here(
-        "live", "--port", "simulated:O@2,1,0.3", "--train-scan", str(tmp_path / "il.npz"), "--readings", "20"
-    )
-    assert result.returncode == 0, result.stderr
-    assert (
-        "the touches are explained worse than the training's: lighter presses, another pad" in result.stdout
-    )
-
-
-def test_without_a_terminal_it_says_where_to_press_and_ends_when_every_pose_was_tried(one_pose, capsys):
-    """A machine may press the pad, so it must be told where, and that there is nowhere any more."""
-    leading, told, reader = one_pose
-    console = Console(file=io.StringIO())
-    with leading, reader:
-        live(reader, told, console, readings=None, as_json=False, page=None)
-    assert console.file.getvalue().startswith("touch 1: ")
-    assert capsys.readouterr().err.splitlines() == [told.where(LiveView(asked=np.array(POSE)))]
 
 
 def test_a_recorded_session_is_recognised_in_lines(here, recording, scan_file):
@@ -158,10 +108,8 @@ def test_ctrl_c_ends_it_cleanly(bench, scan_file):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--port", "simulated:?"], ["unknown letter"]),
         (["--port", "simulated:A@1,2"], ["x,y,theta"]),
         (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
-        (["--port", "simulated:A", "--explore", "blind"], ["information or random"]),
         (
             ["--port", "simulated:A", "--explore", "information", "--estimator", "nearest"],
             ["explore at random"],

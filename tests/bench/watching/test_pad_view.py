@@ -1,8 +1,5 @@
 """The state that viewers share: what is live, what is lost, and what a tare does."""
 
-import threading
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -65,16 +62,6 @@ def test_a_pad_that_never_spoke_is_an_error_at_the_end(source, device, eventuall
         eventually(lambda: reader.view().state == "lost")
     with pytest.raises(SourceError, match="the cable is off"):
         reader.check()
-
-
-def test_waiting_ends_with_the_next_change(source, device):
-    with PadReader(source, device, "here") as reader:
-        number = reader.view().number
-        threading.Timer(0.05, source.feed, [RAMP]).start()
-        start = time.monotonic()
-        while reader.view().number == number and time.monotonic() < start + 10:
-            view = reader.wait(number, 10.0)
-        assert view.number > number
 
 
 def test_a_tare_is_taken_and_refused(source, device, eventually):
@@ -145,6 +132,4 @@ def test_history_forgets_what_is_too_old():
     history = History()
     history.add(0.0, 1.0)
     history.add(1e6, 2.0)
-    values = history.until(1e6)
-    assert len(values) == round(HISTORY_S / BIN_S)
-    assert set(values) == {None}
+    assert history.until(1e6) == [None] * round(HISTORY_S / BIN_S)

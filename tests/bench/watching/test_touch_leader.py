@@ -83,19 +83,6 @@ def test_a_touch_is_redone_and_everything_begun_anew(recogniser, device, eventua
         eventually(lambda: len(leading.view().belief.touches) == 2)
 
 
-def test_a_touch_that_is_redone_in_the_middle_is_pressed_where_it_was(recogniser, device, eventually):
-    with led(recogniser, device, POSES[:3]) as (leading, _):
-        eventually(lambda: len(leading.beliefs) == 1 and leading.idle())
-        leading.redo()
-        eventually(lambda: len(leading.beliefs) == 4)
-    images = {}
-    for belief in leading.beliefs:
-        images.setdefault(tuple(belief.touches[-1].sensor_in_robot), []).append(belief.touches[-1].pressures)
-    assert set(images) == set(POSES[:3])
-    first, again = next(both for both in images.values() if len(both) == 2)
-    assert np.abs(again - first).max() < 10.0
-
-
 @pytest.mark.parametrize("command", ["redo", "begin_anew"])
 def test_a_touch_is_void_as_soon_as_a_person_asks_for_another(recogniser, device, eventually, command):
     leading = TouchLeader(
@@ -188,8 +175,3 @@ def test_a_mark_of_readings_that_are_not_there_is_refused(recogniser, press):
         leading.take(Reading(np.zeros(36), float(number)))
     with pytest.raises(InputError, match="press 1 names readings"):
         mark(marks, 10, number=1, what="taken", **press)
-
-
-def test_a_recording_without_a_session_is_refused(recogniser):
-    with pytest.raises(InputError, match="no recording of a guided session"):
-        MarkedTouches(recogniser, Marks())

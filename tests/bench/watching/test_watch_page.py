@@ -1,4 +1,4 @@
-"""The page of a pad in a real browser: live, lost, back, frozen, tared; narrow and dark."""
+"""The page of a pad in a real browser: live, lost, back, tared, gone."""
 
 import numpy as np
 import pytest
@@ -58,22 +58,6 @@ def test_the_picture_follows_the_pad_and_is_gone_when_the_pad_is_lost(opened, so
     assert page.locator("#veil").is_hidden()
 
 
-def test_a_frozen_picture_is_called_so_and_stays(opened, source):
-    page, _ = opened
-    source.feed(RAMP)
-    state(page, "live")
-    page.keyboard.press("f")
-    state(page, "frozen")
-    frozen = page.evaluate(PICTURE)
-    source.feed(RAMP[::-1] + 60)
-    expect(page.locator("#readings")).to_have_text("2")
-    assert page.evaluate(PICTURE) == frozen
-    assert "frozen" in page.inner_text("#state")
-    page.get_by_role("button", name="Freeze").click()
-    source.feed(RAMP)
-    expect(page.locator("#state")).to_have_text("live")
-
-
 def test_a_click_takes_a_tare_and_the_pointer_reads_a_taxel(opened, source, fed):
     page, _ = opened
     with fed(source, 5 + 0.1 * np.random.default_rng(0).standard_normal((1000, 36))):
@@ -87,17 +71,6 @@ def test_a_click_takes_a_tare_and_the_pointer_reads_a_taxel(opened, source, fed)
     page.get_by_role("button", name="Seen from behind").click()
     page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.92 * box["height"])
     expect(page.locator("#readout")).to_contain_text("taxel 5, row 0, column 5")
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_scrolls_sideways(opened, source, width, scheme):
-    page, _ = opened
-    page.set_viewport_size({"width": width, "height": 800})
-    page.emulate_media(color_scheme=scheme)
-    source.feed(RAMP)
-    state(page, "live")
-    assert page.evaluate("document.documentElement.scrollWidth") == width
 
 
 def test_a_key_on_a_button_does_one_thing(context, source, device):
@@ -133,29 +106,6 @@ def test_a_key_on_a_button_does_one_thing(context, source, device):
         page.get_by_role("button", name="Skip").focus()
         do(lambda: page.keyboard.press(" "), "skip")
         page.close()
-
-
-def test_a_page_that_was_left_open_becomes_that_of_the_next_program(context, device, source):
-    faults, loads = [], []
-    page = context.new_page()
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("load", lambda: loads.append(page.url))
-    about = {"live": {"letters": [], "outlines": {}, "commands": []}}
-    with (
-        PadReader(source, device, "one") as reader,
-        WebPage(reader, 0, from_behind=True, about=about, more=lambda sent: {"live": LIVE}) as web,
-    ):
-        page.goto(web.url)
-        expect(page.locator("#port")).to_have_text("one")
-        expect(page.locator("#state")).to_have_text("waiting")
-    port = int(web.url.rsplit(":", 1)[1].strip("/"))
-    with PadReader(source, device, "another") as reader, WebPage(reader, port, from_behind=True):
-        expect(page.locator("#port")).to_have_text("another", timeout=60_000)
-        source.feed(RAMP)
-        state(page, "live")
-        assert len(loads) == 2
-        page.close()
-    assert faults == []
 
 
 def test_when_the_program_ends_the_page_says_so(context, source, device):

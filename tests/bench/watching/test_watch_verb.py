@@ -48,16 +48,6 @@ def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path, typing):
 
 
 @pytest.mark.long
-def test_ctrl_c_ends_it_cleanly(bench, tmp_path, typing):
-    terminal = typing(Terminal([BENCH, "watch", "--port", "simulated:A"], tmp_path, bench.environment))
-    terminal.wait_for(" live ")
-    terminal.type("\x03")
-    last = terminal.end()
-    assert terminal.status == 0
-    assert "Traceback" not in last
-
-
-@pytest.mark.long
 def test_in_a_pipe_there_is_a_line_a_second(bench):
     with emulated(bench, "--port", "tcp", "--garbage", "0.2") as name:
         result = bench("watch", "--port", name, "--seconds", "2.5")
@@ -90,16 +80,8 @@ def test_the_page_is_served_until_the_command_ends(bench):
     assert "readings/s" in output
 
 
-@pytest.mark.parametrize(
-    ("words", "parts"),
-    [
-        (["--port", "x", "--device", "emulatd"], ["unknown device 'emulatd'"]),
-        (["--port", "x", "--web-port", "80"], ["--web-port", "--web shows"]),
-        (["--port", "simulated:A", "--seen", "above"], ["--seen 'above'", "behind or front"]),
-    ],
-)
-def test_mistakes_end_in_one_line(here, words, parts):
-    refused(here("watch", *words), *parts)
+def test_a_mistake_ends_in_one_line(here):
+    refused(here("watch", "--port", "simulated:A", "--seen", "above"), "--seen 'above'", "behind or front")
 
 
 def test_a_page_on_a_port_that_is_taken_is_refused(here):
