@@ -59,11 +59,6 @@ def check_scan(out):
         assert len(Scan.load(out)) == 768
 
 
-def check_run(out):
-    if out.exists():
-        assert results.load(out).trials.label.shape == (8, 4)
-
-
 def check_sweep(out):
     for place in (out / "runs").glob("[!.]*"):
         assert results.load(place).trials.label.shape == (60, 3)
@@ -71,16 +66,15 @@ def check_sweep(out):
 
 COMMANDS = {
     "scan": (["scan", "--letters", "IO", "--out", "out.npz"], check_scan),
-    "run": (
-        ["run", "--scan", "two.npz", "--trials", "4", "--readings", "4",
-         "--estimator", "histogram", "--bins", "100", "--out", "out"],
-        check_run,
-    ),
     "sweep": (["sweep", "s.toml", "--jobs", "1", "--out", "out"], check_sweep),
-}  # fmt: skip
+}
 
 
-def kill_again_and_again(bench, scan_file, name, kills, seed):
+# A run is written as those of a sweep are.
+@pytest.mark.long
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, scan_file, name, kills):
     words, check = COMMANDS[name]
     shutil.copy(scan_file, bench.folder / "two.npz")
     (bench.folder / "s.toml").write_text(sweep_of("two.npz", trials=30))
@@ -91,7 +85,7 @@ def kill_again_and_again(bench, scan_file, name, kills, seed):
     out.rename(kept)
     expected = whole(kept) if kept.is_dir() else kept.read_bytes()
 
-    chance = random.Random(seed)
+    chance = random.Random(kills)
     struck = reported = 0
     for number in range(6 * kills):
         if struck == kills:
@@ -120,19 +114,6 @@ def kill_again_and_again(bench, scan_file, name, kills, seed):
     result = bench(*words, *jobs)
     assert result.returncode == 0, result.stderr
     assert (whole(out) if out.is_dir() else out.read_bytes()) == expected
-
-
-# A run is written as those of a sweep are.
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["scan", "sweep"])
-def test_killed_again_and_again_it_ends_with_the_same_bytes(bench, scan_file, name):
-    kill_again_and_again(bench, scan_file, name, kills=2, seed=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
-def test_killed_at_many_moments_it_ends_with_the_same_bytes(bench, scan_file, name):
-    kill_again_and_again(bench, scan_file, name, kills=20, seed=2)
 
 
 @pytest.mark.long

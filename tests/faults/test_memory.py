@@ -1,7 +1,6 @@
 """Small files that claim, or make a careless reader ask for, more memory than there is."""
 
 import json
-import shutil
 import subprocess
 import sys
 import zipfile
@@ -17,7 +16,7 @@ from tactsim.core import Pad, Scan
 READ = """
 import json, re, resource, sys
 from pathlib import Path
-from tactsim.bench import results, sweep
+from tactsim.bench import sweep
 from tactsim.bench.config import scan_options
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import load_device
@@ -30,7 +29,7 @@ taken = int(re.search(r"VmSize:\\s+(\\d+)", Path("/proc/self/status").read_text(
 resource.setrlimit(resource.RLIMIT_AS, (taken + (1 << 29),) * 2)
 readers = {
     "npz": Scan.load, "toml": sweep.read, "world": lambda path: scan_options(world=path),
-    "device": load_device, "calibration": Calibration.load, "run": results.load, "shape": shape,
+    "device": load_device, "calibration": Calibration.load, "shape": shape,
     "recording": lambda path: list(Replay(path)),
 }
 for kind, path in json.loads(sys.argv[1]):
@@ -62,7 +61,6 @@ def bombs(tmp_path):
     scan_with("readings.npy", npy((10**12, 36), "<f8"))
     scan_with("labels.npy", npy((4,), "<U1000000000"))
     scan_with("readings.npy", npy((2**27 - 1, 36), "<f8"))
-    scan_with("readings.npy", npy((4, 10**9), "<f4"))
     scan_with("meta.npy", npy((), "<U50000", ("[" * 50_000).encode("utf-32-le")))
 
     def text(kind, name, content):
@@ -77,11 +75,6 @@ def bombs(tmp_path):
     text("shape", "claims.stl", "")
     (tmp_path / "claims.stl").write_bytes(bytes(80) + (2**32 - 1).to_bytes(4, "little") + bytes(1000))
     text("shape", "rows.obj", "v 0 0 0\n" * 10 + "f 1 2 999999999999\n")
-    text(
-        "shape",
-        "big.svg",
-        '<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0 A 1e300 1e300 0 1 1 9 9 z"/></svg>',
-    )
     (tmp_path / "sparse.npz").touch()
     with (tmp_path / "sparse.npz").open("r+b") as stream:
         stream.truncate(1 << 42)
@@ -106,34 +99,6 @@ def test_no_claim_of_a_file_is_believed(bombs):
     lines = read_with_little_memory(bombs)
     assert [line.split()[0] for line in lines] == ["refused"] * len(bombs), "\n".join(lines)
     assert not any("<newline>" in line for line in lines)
-
-
-@pytest.mark.long
-def test_a_table_of_a_run_that_counts_to_a_billion_is_refused(here, tmp_path, scan_file):
-    words = ["--estimator", "histogram", "--trials", "1", "--readings", "2", "--bins", "100"]
-    assert here("run", "--scan", scan_file, *words, "--out", "run").returncode == 0
-    table = tmp_path / "run" / "trials.csv"
-    good = table.read_text()
-    rows = good.splitlines()
-    fields = rows[-1].split(",")
-    hostile = []
-    for place, value in (
-        (2, "999999999999"),
-        (2, "9" * 30),
-        (4, "x" * 100_000),
-        (7, "1e300"),
-        (13, "9" * 30),
-    ):
-        row = ",".join(value if number == place else word for number, word in enumerate(fields))
-        folder = shutil.copytree(tmp_path / "run", tmp_path / f"run{len(hostile)}")
-        (folder / "trials.csv").write_text("\n".join([*rows[:-1], row]) + "\n")
-        hostile.append(("run", folder))
-    for line in read_with_little_memory(hostile):
-        assert line.startswith("refused"), line
-    table.write_text(good.replace(rows[-1].split(",")[4], "\x1b[31m[bold]"))
-    result = here("compare", "run", "run")
-    refused(result, "run")
-    assert "\x1b" not in result.stderr
 
 
 def test_what_a_file_names_does_not_steer_the_terminal(here, tmp_path):

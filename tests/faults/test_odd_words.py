@@ -12,41 +12,41 @@ from tactsim.bench.cli.app import VERBS, run_app
 N = "9" * 30
 SIMULATED = ["--port", "simulated:A@0,0,0"]
 RECORD = ["record", *SIMULATED, "--out", "r.npz", "--letter", "A"]
-SET = ("x", "=x", "gamma=nan", "reach=inf", "cell=1e-9", "split=0x0x0", f"split={N}x1x1")
-PORTS = ("", "a\0", "recording:", "socket://x:99999999", "simulated:A@inf,0,0", "x:y")
+SET = ("x", "gamma=nan", "cell=1e-9", f"split={N}x1x1")
+PORTS = ("", "a\0", "recording:", "simulated:A@inf,0,0", "x:y")
 ODD = [
-    *(["run", "--noise", noise] for noise in ("nan", "inf", "-1", "loud", N + "e300")),
-    *(["run", "--scan-set", f"press.force={force}"] for force in ("nan", "inf", "0", "-1", "1e999")),
-    *(["run", "--bins", bins] for bins in (N, "0", "-5", "999999999999")),
+    *(["run", "--noise", noise] for noise in ("nan", "-1", "loud")),
+    *(["run", "--scan-set", f"press.force={force}"] for force in ("nan", "0", "1e999")),
+    *(["run", "--bins", bins] for bins in (N, "0", "999999999999")),
     *(["run", "--set", word] for word in SET),
-    *(["run", "--letters", "IO", "--bins", "100", "--set", f"reach={reach}"] for reach in ("1e-300", "1e-4")),
+    ["run", "--letters", "IO", "--bins", "100", "--set", "reach=1e-300"],
     *(["run", option, N] for option in ("--trials", "--readings", "--seed")),
     ["run", "--estimator", "particle", "--particles", N],
-    *(["run", "--letters", letters] for letters in ("\x1b[31m", "A,\0", "A" * 99 + "?")),
+    *(["run", "--letters", letters] for letters in ("\x1b[31m", "A,\0")),
     *(["run", "--scan", path] for path in (".", "/dev/zero", "a\0b", "none.npz")),
     *(["run", "--out", path] for path in ("x" * 5000, "/dev/null/x")),
-    *(["run", "--world", path] for path in ("/dev/zero", ".toml", "a\0.toml", "\x1b[31m")),
-    *(["run", "--scan-set", f"pad={path}"] for path in ("/dev/zero", ".", "none.toml")),
-    *(["run", "--shape", path] for path in ("/dev/zero", "none.stl", "a\0.stl")),
+    *(["run", "--world", path] for path in ("/dev/zero", "\x1b[31m")),
+    *(["run", "--scan-set", f"pad={path}"] for path in ("/dev/zero", "none.toml")),
+    *(["run", "--shape", path] for path in ("/dev/zero", "a\0.stl")),
     ["run", "--estimator", "\x1b[31m"],
-    *(["scan", "--out", path] for path in ("/dev/null/x", ".", "x" * 5000)),
-    *(["sweep", path] for path in ("", "/dev/zero", ".", "a\0.toml")),
-    *(["report", path] for path in ("/dev/null", "a\0", "none")),
+    *(["scan", "--out", path] for path in ("/dev/null/x", ".")),
+    *(["sweep", path] for path in ("", "/dev/zero")),
+    *(["report", path] for path in ("/dev/null", "none")),
     ["compare", ".", "."],
     ["list", "\x1b[31m"],
     ["stress", "--case", "\x1b[31m"],
     *(["probe", "--port", port] for port in PORTS),
     ["tare", *SIMULATED, "--out", "t.toml", "--frames", N],
     ["tare", *SIMULATED, "--out", "t.toml", "--load", "nan", "--calibration", "none.toml"],
-    *([*RECORD, "--poses", f"{kind}:{n}"] for kind in ("random", "spread") for n in (N, "²", "0", "-1", "")),
-    *([*RECORD, "--force", force] for force in ("nan:1", "1", "5:1")),
+    *([*RECORD, "--poses", f"random:{n}"] for n in (N, "²", "0", "")),
+    *([*RECORD, "--force", force] for force in ("nan:1", "5:1")),
     [*RECORD, "--patience", "nan"],
     [*RECORD, "--letter", "\x1b[31m"],
-    *(["emulate", option, "nan"] for option in ("--rate", "--drift", "--hold", "--lift", "--disconnect", "--drop")),
-    *(["emulate", "--letter", "A", "--pose", pose] for pose in ("nan,0,0", "1e300,0,0", "1,2", "")),
-    *(["emulate", "--port", port] for port in ("tcp:²", "tcp:99999999", f"tcp:{N}", "udp")),
-    *(["replay", "none.tactrec", "--scan", "s.npz", "--cut", cut] for cut in ("²x5", f"{N}x1", "5", "x")),
-    *(["replay", path] for path in ("/dev/zero", "a\0", ".")),
+    *(["emulate", option, "nan"] for option in ("--rate", "--drop")),
+    *(["emulate", "--letter", "A", "--pose", pose] for pose in ("nan,0,0", "1,2")),
+    *(["emulate", "--port", port] for port in ("tcp:²", f"tcp:{N}", "udp")),
+    *(["replay", "none.tactrec", "--scan", "s.npz", "--cut", cut] for cut in (f"{N}x1", "5")),
+    ["replay", "/dev/zero"],
     ["validate", "--simulated", "none", "--recorded", "none"],
 ]  # fmt: skip
 
@@ -77,5 +77,5 @@ def test_an_odd_word_is_refused_in_one_line(words, tmp_path, monkeypatch, capsys
     ],
 )
 def test_an_option_that_takes_a_number_says_so_of_what_is_none(here, verb, name):
-    for word in ("nan", "inf", "-inf", "many"):
+    for word in ("nan", "-inf"):
         refused(here(verb, name, word), name, "give a finite number", word)

@@ -12,8 +12,6 @@ from command_line import refused
 MODULES = {
     "raising": "raise RuntimeError('first line\\nsecond line')",
     "exiting": "import sys; sys.exit(3)",
-    "recursing": "def f(): f()\nf()",
-    "misspelt": "def f(:",
     "printing": "raise ValueError('\\x1b[31m[bold]red')",
     "lacking": "import a_package_that_nobody_has",
     "wrong": "Thing = 3\nBare = object\ndef function(): ...",
@@ -43,22 +41,12 @@ class Guessing(Estimator):
         return Estimate(self.letters[0], even, np.zeros(3))
 class Nan(Guessing):
     def estimate(self): return Estimate("I", {"I": float("nan")}, np.zeros(3))
-class Nothing(Guessing):
-    def estimate(self): return None
 class Faulty(Guessing):
     def update(self, reading, sensor_in_robot): raise KeyError("a bug of the plug-in's")
 class Starved(Guessing):
     def fit(self, scan): raise EOFError("weights are empty")
-class Unheard(Guessing):
-    def fit(self, scan): raise BrokenPipeError(32, "nobody listens to me")
-class Full(Guessing):
-    def fit(self, scan): raise OSError(28, "no space for me")
 class Ending(Guessing):
     def update(self, reading, sensor_in_robot): raise SystemExit
-class Wordless(Guessing):
-    def describe(self): raise SystemExit(0)
-class Unlearned(Guessing):
-    def fit(self, scan): raise SystemExit(3)
 class Unmade(Guessing):
     def __init__(self, options): raise SystemExit("no licence")
 class Talking(Guessing):
@@ -91,13 +79,12 @@ def short(places, device, log):
 """,
 }
 BROKEN = [
-    "raising:X", "exiting:X", "recursing:X", "misspelt:X", "printing:X", "lacking:X", "nowhere:X", "wrong:Missing",
+    "raising:X", "exiting:X", "printing:X", "lacking:X", "nowhere:X", "wrong:Missing",
     "wrong:Thing",
 ]  # fmt: skip
 ESTIMATORS = [*BROKEN, "wrong:Bare", "wrong:function", "halves:Unfinished", "halves:Whole"]
-WORKING = ["guessing:Guessing", "guessing:Wordless", "guessing:Nan", "guessing:Nothing", "guessing:Faulty"]
-WORKING += ["guessing:Ending", "guessing:Unlearned", "guessing:Unmade", "guessing:Talking"]
-WORKING += ["guessing:Starved", "guessing:Unheard", "guessing:Full"]
+WORKING = ["guessing:Guessing", "guessing:Nan", "guessing:Faulty"]
+WORKING += ["guessing:Ending", "guessing:Unmade", "guessing:Talking", "guessing:Starved"]
 CODECS = [*BROKEN, "wrong:Bare", "wrong:function", "described:Unfinished"]
 SOURCES = ["sources:nothing", "sources:bare", "sources:silent", "sources:short"]
 
@@ -133,7 +120,7 @@ def test_every_broken_plug_in_is_a_status(plugged):
     assert "\x1b" not in result.stdout
     for number in range(len(ESTIMATORS)):
         assert f"bad{number} " in result.stdout
-    for said in ("is broken: SystemExit", "does not define", "options_type", "RecursionError", "histogram"):
+    for said in ("is broken: SystemExit", "does not define", "options_type", "histogram"):
         assert said in result.stdout, said
     result = plugged("devices", "--json")
     assert result.returncode == 0, result.stderr
@@ -165,7 +152,6 @@ def called_here(plugged, here, monkeypatch):
 def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_here, scan_file):
     for name, said in {
         "nan": "guessing.Nan is broken",
-        "nothing": "guessing.Nothing is broken",
         "bad1": "plug-in 'bad1'",
     }.items():
         refused(called_here(*RUN, "--scan", scan_file, "--estimator", name), said)
@@ -182,9 +168,7 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_he
     [
         ("ending", 1, "None"),
         pytest.param("ending", 2, "None", marks=pytest.mark.long),
-        ("unlearned", 1, "3"),
         ("unmade", 1, "no licence"),
-        ("wordless", 1, "0"),
     ],
 )
 def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
@@ -200,26 +184,15 @@ def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "error", "said"),
-    [
-        ("starved", EOFError, "weights are empty"),
-        ("unheard", BrokenPipeError, "nobody listens"),
-        ("full", OSError, "for me"),
-    ],
-)
-def test_an_error_that_looks_like_a_closed_terminal_is_the_plug_ins_own(
-    called_here, scan_file, name, error, said
-):
-    with pytest.raises(error, match=said):
-        called_here(*RUN, "--scan", scan_file, "--estimator", name)
+def test_an_error_that_looks_like_a_closed_terminal_is_the_plug_ins_own(called_here, scan_file):
+    with pytest.raises(EOFError, match="weights are empty"):
+        called_here(*RUN, "--scan", scan_file, "--estimator", "starved")
     assert not Path("out").exists()
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file, jobs):
-    words = [*RUN, "--scan", scan_file, "--estimator", "talking", "--json", "--jobs", jobs]
+def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file):
+    words = [*RUN, "--scan", scan_file, "--estimator", "talking", "--json", "--jobs", "2"]
     result = plugged(*words)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["estimator"] == "talking"
@@ -240,7 +213,6 @@ def test_a_codec_that_is_broken_is_named_in_one_line(called_here):
         ("bare", "without `counters`"),
         ("silent", "no Reading of 36"),
         ("short", "no Reading of 36"),
-        ("bad0", "RuntimeError: first line"),
         ("bad1", "SystemExit"),
     ],
 )

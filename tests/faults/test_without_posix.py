@@ -86,13 +86,6 @@ def test_the_modules_are_hidden(elsewhere):
     assert "--port tcp" in result.stderr
 
 
-@pytest.mark.parametrize("words", [("list",), ("devices",)])
-def test_what_only_says_something(elsewhere, words):
-    result = elsewhere(*words)
-    assert result.returncode == 0, result.stderr
-    assert result.stdout
-
-
 @pytest.mark.long
 def test_a_run_and_its_report(elsewhere, scan):
     result = elsewhere("run", "--scan", scan, *SMALL, "--out", "run", "--json")
@@ -102,20 +95,6 @@ def test_a_run_and_its_report(elsewhere, scan):
         result = elsewhere(*words)
         assert result.returncode == 0, result.stderr
     assert (elsewhere.folder / "page.html").is_file()
-
-
-@pytest.mark.long
-def test_a_run_in_worker_processes(elsewhere, scan):
-    result = elsewhere("run", "--scan", scan, *SMALL, "--jobs", "2", "--out", "run-2")
-    assert result.returncode == 0, result.stderr
-
-
-@pytest.mark.long
-def test_a_recording_and_its_replay(elsewhere):
-    result = elsewhere("record", "--port", "simulated:A@0,0,0", "--seconds", "3", "--out", "a.tactrec")
-    assert result.returncode == 0, result.stderr
-    result = elsewhere("replay", "a.tactrec")
-    assert result.returncode == 0, result.stderr
 
 
 def test_the_command_starts_on_windows():
