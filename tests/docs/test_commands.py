@@ -1,4 +1,4 @@
-"""What the pages say to type is understood: every `bench` line, every `make` target, every file named."""
+"""What the pages say to type is understood: every `bench` line, every `make` target."""
 
 import re
 
@@ -37,10 +37,3 @@ def test_a_make_target_exists(arguments):
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
     for word in arguments:
         assert "=" in word or word in targets
-
-
-@pytest.mark.parametrize("arguments", calls(lambda words: only(words, "python", "python3")))
-def test_what_python_is_given_exists(arguments):
-    for word in arguments:
-        if "/" in word or word.endswith(".py"):
-            assert (ROOT / word).exists(), word

@@ -7,10 +7,6 @@ from referee_bodies import FORCE, HALF, PAD, STIFFNESS, bodies, truth, within
 BODIES = {body.name: body for body in bodies()}
 
 
-def test_there_are_eight():
-    assert len(BODIES) == 8
-
-
 @pytest.mark.parametrize("name", BODIES)
 def test_the_mesh_is_the_height_field(name):
     """Both are cut level by level."""

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import tactsim.env
-from tactsim.core import InputError
 from tactsim.env.learned_policy import LearnedPolicy, features
 from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
-from tactsim.env.policy_table import Played, play, table
+from tactsim.env.policy_table import play
 from tactsim.env.reward import Reward
 
 TASK = "letters-offgrid-v1"
@@ -42,17 +41,6 @@ def test_a_policy_touches_within_the_reach_and_anew_by_the_same_random_numbers(p
     assert np.array_equal(chosen[:3], chosen[3:])
     assert np.ptp([pose[0] for pose in chosen]) > 0
     assert (np.abs(chosen)[:, :2] <= 12).all()
-
-
-def test_information_is_asked_of_an_estimator_that_proposes():
-    env = env_of()
-    with pytest.raises(InputError, match="needs a belief"):
-        begun(InformationPolicy("histogram")).choose(env, env.reset(seed=0)[0])
-    env = env_of(belief="nearest")
-    with pytest.raises(InputError, match="proposes no readings"):
-        begun(InformationPolicy("nearest")).choose(env, env.reset(seed=0)[0])
-    with pytest.raises(InputError, match="call learn"):
-        begun(LearnedPolicy("histogram")).choose(env, env.reset(seed=0)[0])
 
 
 def begun(policy):
@@ -106,14 +94,3 @@ def test_episodes_are_played_as_the_environment_would_have_it():
         sums.append(total + reward)
     assert played.stopped.tolist() == stops
     assert played.returns(Reward()) == pytest.approx(sums)
-
-
-def test_a_table_has_a_line_a_policy():
-    right = np.tile([False, True, True], (10, 1))
-    sure = np.tile([0.5, 0.9, 0.99], (10, 1))
-    lines = list(table([Played(RandomPolicy("refined"), right, sure, (5, 5), 0.002, 12.0)]))
-    assert lines[0].startswith("| policy | belief | right after 1 | right after 2 | right after 3 |")
-    assert lines[2] == (
-        "| random | refined | 0.00 (0.00-0.00) | 1.00 (1.00-1.00) | 1.00 (1.00-1.00) | 3.0 (3.0-3.0) | "
-        "0.94 (0.94-0.94) | 2.0 | 12 |"
-    )

@@ -3,10 +3,9 @@
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-import tactsim.env
 from tactsim.core import InputError
 
 SLIP = "tactsim/slip-v1"
@@ -64,28 +63,13 @@ def test_many_at_once_give_the_bits_of_one_by_one(mode, options):
     assert ended.all()
 
 
-def touch(env):
-    return tactsim.env.touch_spaces.touch_action([1.0, 2.0, 0.5], env.labels, env.reach)
-
-
-def test_it_is_made_without_a_warning_and_says_how_it_begins_anew(recwarn):
-    env = many(2, autoreset_mode="SameStep")
-    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert not [warned for warned in recwarn if "tactsim" in str(warned.message)]
-    assert env.spec.id == SLIP
-    assert len(env.np_random) == 2
-    assert env.labels == ("A", "E", "I", "O", "U")
-
-
 @pytest.mark.parametrize(
     ("act", "said"),
     [
         (lambda env: env.step(np.zeros((3, 9))), r"an array \(9,\) of numbers"),
         (lambda env: env.step(np.full((2, 9), 2.0)), "beyond the pad's reach"),
         (lambda env: env.reset(seed=[1, 2, 3]), "3 seeds for 2 environments"),
-        (lambda env: env.reset(options={"reset_mask": [True, False]}), "reset_mask"),
         (lambda env: many(0), "num_envs 0"),
-        (lambda env: many(2, max_episode_steps=0), "max_episode_steps 0: give a whole number from 1"),
         (lambda env: many(2, autoreset_mode="Sometimes"), "autoreset_mode 'Sometimes'"),
     ],
 )
@@ -95,19 +79,3 @@ def test_what_is_wrong_is_refused_in_one_line(act, said):
     with pytest.raises(InputError, match=said) as caught:
         act(env)
     assert "\n" not in str(caught.value)
-
-
-def test_before_a_reset_and_after_closing_nothing_is_touched():
-    env = many(2, fast=True)
-    actions = np.tile(touch(env), (2, 1))
-    with pytest.raises(ResetNeeded):
-        env.step(actions)
-    env.reset(seed=0, options={"reset_mask": np.array([True, False])})
-    with pytest.raises(ResetNeeded, match=r"environments \[1\]"):
-        env.step(actions)
-    env.close()
-    env.close()
-    with pytest.raises(ClosedEnvironmentError):
-        env.step(actions)
-    with pytest.raises(ClosedEnvironmentError):
-        env.reset()

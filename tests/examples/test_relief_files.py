@@ -1,6 +1,5 @@
 """The relief of the suite `sequence`: the files are those that the script makes."""
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -30,11 +29,3 @@ def test_the_script_makes_the_files_that_are_pressed(tmp_path):
         np.testing.assert_allclose(own["normal"], kept["normal"], atol=1e-6, err_msg=name)
         lengths = np.abs(own["corners"])
         assert not ((lengths > 0) & (lengths < 1e-6)).any(), name
-
-
-def test_without_a_folder_nothing_is_written(tmp_path):
-    script = shutil.copy(RELIEF / "make.py", tmp_path)
-    made = make(script)
-    assert made.returncode == 2
-    assert "folder" in made.stderr
-    assert list(tmp_path.iterdir()) == [tmp_path / "make.py"]

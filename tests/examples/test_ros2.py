@@ -43,8 +43,7 @@ def image():
     return make
 
 
-@pytest.mark.parametrize("big", [False, True])
-@pytest.mark.parametrize("padding", [0, 4])
+@pytest.mark.parametrize(("big", "padding"), [(False, 0), (True, 4)])
 def test_an_image_is_a_reading_from_the_bottom_row_up(image, big, padding):
     reading = reading_of(image(big=big, padding=padding), PAD, now=7.0, index=3)
     assert reading.pressures.tolist() == [4.5, 5.5, -0.25, 1.5, 2.5, 3.5]

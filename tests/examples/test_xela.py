@@ -7,8 +7,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
-import tomllib
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -104,17 +102,6 @@ def serving(*conversations):
 WELCOME = json.dumps({"message": "Welcome"})
 
 
-@pytest.mark.long
-def test_the_package_names_its_source(installed):
-    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
-    assert project["project"]["entry-points"]["tactsim.sources"] == {"xela": "tactsim_xela:open_source"}
-    (row,) = (row for row in sources.listing() if row.name == "xela")
-    assert (row.summary, row.status) == (
-        "Read a sensor of XELA's server: xela:HOST:PORT/NUMBER.",
-        "from tactsim-xela",
-    )
-
-
 def test_the_normal_forces_become_pressures_from_the_bottom_row_up(installed, tmp_path):
     said = [WELCOME, *(message(number, FORCES + number) for number in range(5, 8))]
     with serving(said) as port, Recorder(tmp_path / "copy") as recorder:
@@ -163,32 +150,10 @@ def test_what_is_no_reading_is_none_and_a_lost_server_is_found_again(installed):
     assert counters.garbage_bytes == len("[1, 2") + len("[]")
 
 
-def test_of_too_many_that_wait_the_oldest_go_and_the_next_one_says_so(installed, monkeypatch):
-    import tactsim_xela
-
-    monkeypatch.setattr(tactsim_xela, "_WAITING", 3)
-    again = [message(number) for number in range(1, 9)]
-    with (
-        serving([message(1)], again) as port,
-        sources.open_source([f"xela:127.0.0.1:{port}"], installed) as source,
-    ):
-        until = time.monotonic() + 30
-        while source.counters.frames < 9 and time.monotonic() < until:
-            time.sleep(0.01)
-        readings = [source.read(5.0) for _ in range(3)]
-    assert [(reading.index, reading.after_loss) for reading in readings] == [
-        (6, True),
-        (7, False),
-        (8, False),
-    ]
-    assert source.counters.missed == 6
-
-
 @pytest.mark.parametrize(
     ("said", "why"),
     [
         (message(1, None), "have xServ.ini calibrate it"),
-        (message(1, **{"1": {"calibrated": 5}}), "have xServ.ini calibrate it"),
         (message(1, FORCES[:4]), "has 4 taxels, the device file 16"),
     ],
 )
@@ -199,12 +164,6 @@ def test_a_sensor_that_is_not_the_device_files_is_named_in_one_line(installed, s
         pytest.raises(SourceError, match=why),
     ):
         source.read(5.0)
-
-
-@pytest.mark.parametrize("place", ["127.0.0.1", "127.0.0.1:x", ":5000", "127.0.0.1:5000/left"])
-def test_a_place_that_is_none_is_refused(installed, place):
-    with pytest.raises(SourceError, match="write xela:HOST:PORT/NUMBER"):
-        sources.open_source([f"xela:{place}"], installed)
 
 
 def test_a_server_that_is_not_there_is_said_so(installed, monkeypatch):

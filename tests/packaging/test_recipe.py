@@ -32,10 +32,3 @@ def test_version_python_commands_and_licence_are_the_same():
     assert RECIPE["about"]["license"] == PROJECT["license"]
     assert [RECIPE["about"]["license_file"]] == PROJECT["license-files"]
     assert RECIPE["about"]["summary"] == PROJECT["description"]
-
-
-def test_what_builds_it_is_there():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    host = {line.split(" ")[0]: line for line in RECIPE["requirements"]["host"]}
-    assert [host["setuptools"].replace(" ", "")] == project["build-system"]["requires"]
-    assert (ROOT / "recipe" / RECIPE["source"]["path"] / "pyproject.toml").exists()

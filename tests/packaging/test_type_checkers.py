@@ -1,4 +1,4 @@
-"""Types reach a user's own code: in the checkout, from an installed wheel and from a strict editable install.
+"""Types reach a user's own code: in the checkout and from an installed wheel.
 
 A lenient editable install, setuptools' default, is invisible to every type checker outside the checkout.
 """
@@ -59,17 +59,14 @@ def pyright(folder, python):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("checker", [mypy, pyright])
-@pytest.mark.parametrize("place", ["checkout", "wheel", "strict"])
+@pytest.mark.parametrize("place", ["checkout", "wheel"])
 def test_types_are_seen(checker, place, request, install, tmp_path):
     folder = tmp_path / "own"
     python = sys.executable
     if place == "checkout":
         folder = request.getfixturevalue("checkout")
-    elif place == "wheel":
-        python = install(request.getfixturevalue("wheel")) / "bin" / "python"
     else:
-        editable = request.getfixturevalue("checkout")
-        python = install("--config-settings", "editable_mode=strict", "-e", editable) / "bin" / "python"
+        python = install(request.getfixturevalue("wheel")) / "bin" / "python"
     folder.mkdir(exist_ok=True)
     (folder / "own.py").write_text(CODE)
     if place == "checkout":
