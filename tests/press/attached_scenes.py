@@ -9,11 +9,20 @@ import tactsim
 GRAVITY = 9.81
 
 
+def simulate(world, geom="finger", pad=None, *, steps=1000, **options):
+    """Attach a pad in a world, MJCF, and step it: the reader, the data, and the reading."""
+    spec = mujoco.MjSpec.from_string(f'<mujoco><option timestep="0.001"/>{world}</mujoco>')
+    reader = tactsim.press.attach(spec, geom, pad, **options).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return reader, data, reader.read(data)
+
+
 def rest(
     body,
     pad=None,
     *,
-    mass=0.2,
     x=0.0,
     y=0.0,
     height=5.0,
@@ -22,29 +31,28 @@ def rest(
     xml="",
     **options,
 ):
-    """Let a body rest on a box that carries a pad: its reader, the data, and the reading.
+    """Let a body of 0.2 kg rest on a box that carries a pad: its reader, the data, and the reading.
 
     body: MJCF of a geom. x, y, height: mm, where its frame begins above the box's face. xml: more of the world.
     """
-    spec = mujoco.MjSpec.from_string(f"""
-        <mujoco><option timestep="0.001"/>
+    world = f"""
           <asset><mesh name="cube" vertex="1 1 1 -1 1 1 1 -1 1 -1 -1 1 1 1 -1 -1 1 -1 1 -1 -1 -1 -1 -1"
                        scale=".003 .003 .003"/></asset>
           <worldbody>
             <geom name="finger" type="box" size="{face}"/>
             <body name="body" pos="{x / 1e3} {y / 1e3} {height / 1e3 + float(face.split()[-1])}">
-              <joint type="slide" axis="0 0 1"/><geom name="object" {body} mass="{mass}"/>
+              <joint type="slide" axis="0 0 1"/><geom name="object" {body} mass="0.2"/>
             </body>{xml}
-          </worldbody></mujoco>""")
-    attached = tactsim.press.attach(spec, "finger", pad, **options)
-    model = spec.compile()
-    data, reader = mujoco.MjData(model), attached.bind(model)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-    return reader, data, reader.read(data)
+          </worldbody>"""
+    return simulate(world, pad=pad, steps=steps, **options)
 
 
-def image(pad, pressure, *, sigma=1.0, fineness=1200):
+def felt(at, edges, sigma):
+    """Give the share of a load at each place that taxels between edges feel, for a mm of their width."""
+    return np.diff(ndtr((edges - at[:, None, None]) / sigma), axis=-1)[..., 0] / (edges[0, 1] - edges[0, 0])
+
+
+def image(pad, pressure, *, fineness=1200):
     """Spread a pressure(x, y), N/mm^2 over mm, over the taxels by a fine lattice: (taxels,) kPa."""
     x_low, x_high, y_low, y_high = pad.load_bounds
 
@@ -52,14 +60,9 @@ def image(pad, pressure, *, sigma=1.0, fineness=1200):
         edges = np.linspace(low, high, fineness + 1)
         return (edges[1:] + edges[:-1]) / 2
 
-    def felt(at, edges):
-        return np.diff(ndtr((edges - at[:, None, None]) / sigma), axis=-1)[..., 0] / (
-            edges[0, 1] - edges[0, 0]
-        )
-
     x, y = middles(x_low, x_high), middles(y_low, y_high)
     lattice = pressure(*np.meshgrid(x, y)) * (x[1] - x[0]) * (y[1] - y[0])
-    return 1e3 * (felt(y, pad.row_edges).T @ lattice @ felt(x, pad.column_edges)).ravel()
+    return 1e3 * (felt(y, pad.row_edges, 1.0).T @ lattice @ felt(x, pad.column_edges, 1.0)).ravel()
 
 
 def errors(kpa, truth):
@@ -80,39 +83,39 @@ def block(force, half_x, half_y, angle=0.0, x=0.0, y=0.0, lever=0.0):
     return pressure
 
 
-def ball(force, radius, x=0.0, y=0.0, stiffness=1.0):
+def ball(force, radius, x=0.0, y=0.0):
     """Give the pressure under a sphere: force = pi k d^2 (R - d / 3), of a spherical cap."""
     depths = np.linspace(0, radius, 200_001)
-    depth = np.interp(force, np.pi * stiffness * depths**2 * (radius - depths / 3), depths)
+    depth = np.interp(force, np.pi * depths**2 * (radius - depths / 3), depths)
 
     def pressure(at_x, at_y):
         height = np.sqrt(np.maximum(radius**2 - (at_x - x) ** 2 - (at_y - y) ** 2, 0))
-        return stiffness * np.maximum(depth - radius + height, 0)
+        return np.maximum(depth - radius + height, 0)
 
     return pressure
 
 
-def roll(force, radius, half, angle=0.0, x=0.0, y=0.0, stiffness=1.0):
+def roll(force, radius, half, angle=0.0, x=0.0, y=0.0):
     """Give the pressure under a cylinder that lies along y, turned by `angle`: a circle's segment for a mm of it."""
     depths = np.linspace(0, radius, 200_001)
     inner = radius - depths
     segments = radius**2 * np.arccos(inner / radius) - inner * np.sqrt(radius**2 - inner**2)
-    depth = np.interp(force, stiffness * 2 * half * segments, depths)
+    depth = np.interp(force, 2 * half * segments, depths)
     cosine, sine = np.cos(angle), np.sin(angle)
 
     def pressure(at_x, at_y):
         across, along = cosine * (at_x - x) + sine * (at_y - y), cosine * (at_y - y) - sine * (at_x - x)
         height = np.sqrt(np.maximum(radius**2 - across**2, 0))
-        return stiffness * (np.abs(along) <= half) * np.maximum(depth - radius + height, 0)
+        return (np.abs(along) <= half) * np.maximum(depth - radius + height, 0)
 
     return pressure
 
 
-def springs(pad, gap, force, *, stiffness=1.0, sigma=1.0, fine=0.01, beyond=5.0):
+def springs(pad, gap, force, *, fine=0.01, beyond=5.0):
     """Press a height field on a bed of springs by brute force: the taxels (taxels,) kPa, and the force on the pad, N.
 
     gap: of x and y, mm, how far what presses is above the pad where it first touches; infinite where there is none.
-    stiffness: N/mm^3. fine: mm. What lies beside the pad up to `beyond` mm away is pressed, too.
+    The layer has 1 N/mm^3. fine: mm. What lies beside the pad up to `beyond` mm away is pressed, too.
     """
     x_low, x_high, y_low, y_high = pad.load_bounds
     x, y = (
@@ -121,19 +124,14 @@ def springs(pad, gap, force, *, stiffness=1.0, sigma=1.0, fine=0.01, beyond=5.0)
     )
     away = gap(*np.meshgrid(x, y))
     met = np.sort(away[np.isfinite(away)])
-    unit = stiffness * fine**2
+    unit = fine**2
     depths = (force / unit + np.cumsum(met)) / np.arange(1, len(met) + 1)
     depth = depths[np.searchsorted(met - depths, 0) - 1]
     load = unit * np.maximum(depth - away, 0)
     load[(y < y_low) | (y > y_high)] = 0
     load[:, (x < x_low) | (x > x_high)] = 0
 
-    def felt(at, edges):
-        return np.diff(ndtr((edges - at[:, None, None]) / sigma), axis=-1)[..., 0] / (
-            edges[0, 1] - edges[0, 0]
-        )
-
-    kpa = 1e3 * (felt(y, pad.row_edges).T @ load @ felt(x, pad.column_edges)).ravel()
+    kpa = 1e3 * (felt(y, pad.row_edges, 1.0).T @ load @ felt(x, pad.column_edges, 1.0)).ravel()
     return kpa, load.sum()
 
 
@@ -147,24 +145,18 @@ def within(contours, x, y):
     return inside
 
 
-def settle(
-    geoms, pad=None, *, joint='<joint type="slide" axis="0 0 1"/>', pose="", steps=1500, assets="", **options
-):
-    """Let a body of several geoms, MJCF in mm, come to rest on a box of 60 x 60 mm: its reader, data and reading.
+def settle(geoms, pad=None, *, pose="", assets="", **options):
+    """Let a body of several geoms, MJCF in m, slide down on a box of 60 x 60 mm: its reader, data and reading.
 
     The face is at z = 0. pose: MJCF attributes of the body.
     """
-    spec = mujoco.MjSpec.from_string(f"""
-        <mujoco><option timestep="0.001"/><compiler angle="radian"/><asset>{assets}</asset><worldbody>
+    world = f"""
+        <compiler angle="radian"/><asset>{assets}</asset><worldbody>
           <geom name="finger" type="box" size=".03 .03 .005" pos="0 0 -.005"/>
-          <body name="body" {pose}>{joint}
+          <body name="body" {pose}><joint type="slide" axis="0 0 1"/>
             <inertial pos="0 0 0" mass="0.2" diaginertia="1e-5 1e-5 1e-5"/>{geoms}</body>
-        </worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "finger", pad, **options).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-    return reader, data, reader.read(data)
+        </worldbody>"""
+    return simulate(world, pad=pad, steps=1500, **options)
 
 
 def letter_geoms(letter):

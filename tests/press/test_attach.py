@@ -5,7 +5,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
-from attached_scenes import GRAVITY, ball, block, errors, image, rest, roll
+from attached_scenes import GRAVITY, ball, block, errors, image, rest, roll, simulate
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -16,7 +16,10 @@ from tactsim import Pad
 from tactsim.core.errors import InputError
 
 PAD = Pad()
-# Without gaps, so that the taxels' sum is the force; with 738 taxels.
+# Without gaps and, where it is pressed so, without point spread, the taxels' sum is the force.
+TIGHT = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+TAXEL = 1.9 * 1.9 / 1e3  # N for a kPa
+# The same with 738 taxels.
 WIDE = Pad(
     rows=18, columns=41, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
 )
@@ -37,7 +40,7 @@ def contact_force(model, data, geom):
     return total, moment / max(total, 1e-300)
 
 
-@pytest.mark.parametrize(("radius", "x", "y"), [(2, 0.5, 0.5), (10, 1.3, -0.7), (10, 5.5, 0)])
+@pytest.mark.parametrize(("radius", "x", "y"), [(2, 0.5, 0.5), (10, 5.5, 0)])
 def test_a_sphere_is_the_closed_form(radius, x, y):
     _, _, reading = rest(f'type="sphere" size="{radius / 1e3}"', x=x, y=y, height=radius)
     most, largest = errors(reading.kpa, image(PAD, ball(reading.force, radius, x, y)))
@@ -45,8 +48,8 @@ def test_a_sphere_is_the_closed_form(radius, x, y):
     assert largest < 0.01
 
 
-@pytest.mark.parametrize("angle", [0, 1.2])
-def test_a_cylinder_on_its_side_is_the_closed_form(angle):
+def test_a_cylinder_on_its_side_is_the_closed_form():
+    angle = 1.2
     lying = Rotation.from_euler("xz", [np.pi / 2, angle]).as_quat(scalar_first=True)
     body = f'type="cylinder" size="0.004 0.004" quat="{" ".join(map(str, lying))}"'
     _, _, reading = rest(body, x=0.5, y=0.2, height=4.1)
@@ -56,7 +59,7 @@ def test_a_cylinder_on_its_side_is_the_closed_form(angle):
 
 
 @pytest.mark.parametrize("body", ['type="box" size="0.003 0.003 0.003"', 'type="mesh" mesh="cube"'])
-@pytest.mark.parametrize(("angle", "x", "y"), [(0, 0, 0), (0.3, 1.1, 0.4), (0.02, 3.3, 3.1)])
+@pytest.mark.parametrize(("angle", "x", "y"), [(0.3, 1.1, 0.4), (0.02, 3.3, 3.1)])
 def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
     _, _, reading = rest(f"{body} {turned(angle)}", x=x, y=y, height=3.1)
     most, largest = errors(reading.kpa, image(PAD, block(reading.force, 3, 3, angle, x, y)))
@@ -64,7 +67,9 @@ def test_the_edges_of_a_block_are_the_closed_form(body, angle, x, y):
     assert largest < 0.01
 
 
-@pytest.mark.parametrize(("half_x", "half_y", "angle"), [(15, 5, 0.3), (2, 2, 0.5), (0.05, 8, 0.5)])
+@pytest.mark.parametrize(
+    ("half_x", "half_y", "angle"), [(15, 5, 0.3), pytest.param(0.05, 8, 0.5, marks=pytest.mark.long)]
+)
 def test_738_taxels_feel_what_is_much_larger_and_much_smaller_than_they(half_x, half_y, angle):
     body = f'type="box" size="{half_x / 1e3} {half_y / 1e3} 0.01" {turned(angle)}'
     _, _, reading = rest(body, WIDE, x=1, height=10.1, face="0.04 0.04 0.005")
@@ -74,9 +79,9 @@ def test_738_taxels_feel_what_is_much_larger_and_much_smaller_than_they(half_x, 
     assert largest < 0.01  # 0.009: a blade of a tenth of a taxel, askew
 
 
-@pytest.mark.parametrize("share", [0.1, 0.3])
-def test_a_load_beside_the_middle_tilts_the_pressure_as_its_moment_says(share):
+def test_a_load_beside_the_middle_tilts_the_pressure_as_its_moment_says():
     """The block's weight stands off its middle; a stiff layer, so that it does not lean."""
+    share = 0.3
     xml = f"""<body name="loaded" pos="0 0 .00801"><freejoint/><geom type="box" size=".003 .003 .003" mass=".1"/>
       <geom type="sphere" size=".001" pos="{2 * share * 3e-3} 0 0" mass=".1" contype="0" conaffinity="0"/></body>"""
     reader, data, reading = rest(
@@ -114,24 +119,21 @@ MILLIMETRES = st.floats(-6, 6).map(lambda x: round(x, 9))
 @example(
     'type="box" size=".003 .002 .004"', -4.3125, 0.0, 10**6
 )  # half a cell of the lattice on the pad's rim
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_taxels_and_what_lies_outside_add_up_to_mujocos_force(body, x, y, seed):
     """In any attitude, also half beside the pad. Taxels without gaps and without a point spread lose nothing."""
     attitude = Rotation.random(rng=np.random.default_rng(seed)).as_quat(scalar_first=True)
-    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
     reader, data, reading = rest(
-        f'{body} quat="{" ".join(map(str, attitude))}"', pad, x=x, y=y, height=7.5, steps=400, psf_sigma=0
+        f'{body} quat="{" ".join(map(str, attitude))}"', TIGHT, x=x, y=y, height=7.5, steps=400, psf_sigma=0
     )
     force, _ = contact_force(reader.model, data, reader.geom)
     assert reading.force == pytest.approx(force, rel=1e-9)
-    felt = reading.kpa.sum() * 1.9 * 1.9 / 1e3
-    assert felt + reading.outside == pytest.approx(force, rel=1e-9)
+    assert TAXEL * reading.kpa.sum() + reading.outside == pytest.approx(force, rel=1e-9)
     assert reading.outside >= -1e-9
 
 
-@pytest.mark.parametrize("x", [4.9, 10.5])
-@pytest.mark.parametrize("angle", [0, 0.3])
-def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(angle, x):
+@pytest.mark.parametrize(("x", "angle"), [(4.9, 0), (10.5, 0.3)])
+def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(x, angle):
     """The pad ends at x = 7.7 mm, in the middle of cells that the block covers in part."""
     _, _, reading = rest(
         f'type="box" size=".003 .003 .003" {turned(angle)}', x=x, height=3.1, face=".03 .02 .005"
@@ -145,16 +147,14 @@ def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(angle, x):
 @pytest.mark.parametrize(
     ("kind", "size", "normal", "height"),
     [
-        ("box", ".02 .02 .005", (0, 0, 1), 5),
         ("capsule", ".008 .02", (1, 0, 0), 8),
         ("sphere", ".012", (0, 0, 1), 12),
         ("ellipsoid", ".02 .02 .012", (0, 0, 1), 12),
     ],
 )
-def test_a_body_that_tumbles_over_a_finger_is_felt_or_outside(kind, size, normal, height):
-    """At each moment of a fall from a random attitude: no taxel below 0, and no force lost or made."""
+def test_a_body_that_tumbles_over_a_curved_finger_is_felt_or_outside(kind, size, normal, height):
+    """Every 10 ms of a fall from a random attitude: no taxel below 0, and no force lost or made."""
     standing = 'quat=".7071067811865476 0 -.7071067811865476 0"' if normal == (1, 0, 0) else ""
-    pad = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
     rng = np.random.default_rng(0)
     felt = []
     for body in (
@@ -168,45 +168,40 @@ def test_a_body_that_tumbles_over_a_finger_is_felt_or_outside(kind, size, normal
             <geom name="finger" type="{kind}" size="{size}" {standing}/>
             <body pos="{x} {y} {height / 1e3 + 0.008}" quat="{attitude}"><freejoint/><geom {body} mass=".2"/></body>
             </worldbody></mujoco>""")
-        attached = tactsim.press.attach(spec, "finger", pad, normal=normal, psf_sigma=0)
+        attached = tactsim.press.attach(spec, "finger", TIGHT, normal=normal, psf_sigma=0)
         data, reader = mujoco.MjData(model := spec.compile()), attached.bind(model)
-        for _ in range(150):
+        for step in range(150):
             mujoco.mj_step(model, data)
+            if step % 10:
+                continue
             reading = reader.read(data)
             assert (reading.kpa >= 0).all()
-            felt.append(reading.kpa.sum() * 1.9 * 1.9 / 1e3)
+            felt.append(TAXEL * reading.kpa.sum())
             assert felt[-1] + reading.outside == pytest.approx(reading.force, rel=1e-9, abs=1e-12)
             assert reading.outside >= -1e-9 * reading.force
-    assert np.count_nonzero(felt) > 100
+    assert np.count_nonzero(felt) > 10
 
 
-def world(rotation, shift, kind="cylinder", size=".008 .02"):
+def felt_in_a_world(rotation, shift):
     """Press a ball on a finger askew, the whole world turned and shifted; gravity with it."""
     down = rotation.apply([0, 0, -GRAVITY])
     place = " ".join(map(str, rotation.as_quat(scalar_first=True)))
-    spec = mujoco.MjSpec.from_string(f"""
-        <mujoco><option timestep="0.001" gravity="{" ".join(map(str, down))}"/><worldbody>
+    world = f"""<option gravity="{" ".join(map(str, down))}"/><worldbody>
           <frame pos="{" ".join(map(str, shift))}" quat="{place}">
-            <body name="hand"><geom name="finger" type="{kind}" size="{size}"
+            <body name="hand"><geom name="finger" type="cylinder" size=".008 .02"
               quat=".7071067811865476 0 -.7071067811865476 0"/></body>
             <body pos="0.001 -0.002 .0141"><joint type="slide" axis="0 0 1"/>
               <geom type="sphere" size=".006" mass=".2"/></body>
-          </frame></worldbody></mujoco>""")
-    attached = tactsim.press.attach(spec, "finger", Pad(unread_columns=0))
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-    return attached.bind(model).read(data)
+          </frame></worldbody>"""
+    return simulate(world, pad=Pad(unread_columns=0), steps=300)[2]
 
 
 def test_a_world_turned_and_shifted_as_a_whole_is_felt_alike():
-    still = world(Rotation.identity(), [0, 0, 0])
+    still = felt_in_a_world(Rotation.identity(), [0, 0, 0])
     assert still.kpa.max() > 20
-    for seed in range(3):
-        moved = world(Rotation.random(rng=np.random.default_rng(seed)), [0.3, -0.2, 0.5])
-        np.testing.assert_allclose(moved.kpa, still.kpa, atol=1e-4 * still.kpa.max())
-        np.testing.assert_allclose(moved.shear, still.shear, atol=1e-4 * still.force)
+    moved = felt_in_a_world(Rotation.random(rng=np.random.default_rng(0)), [0.3, -0.2, 0.5])
+    np.testing.assert_allclose(moved.kpa, still.kpa, atol=1e-4 * still.kpa.max())
+    np.testing.assert_allclose(moved.shear, still.shear, atol=1e-4 * still.force)
 
 
 def test_a_pad_is_felt_alike_on_a_body_that_moves():
@@ -237,16 +232,11 @@ def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
         standing = (
             'quat=".7071067811865476 0 -.7071067811865476 0"' if kind in ("cylinder", "capsule") else ""
         )
-        spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody>
-            <geom name="finger" type="{kind}" size="{size}" {standing}/>
+        world = f"""<worldbody><geom name="finger" type="{kind}" size="{size}" {standing}/>
             <body pos="0 0 {radius + 0.00501}"><joint type="slide" axis="0 0 1"/>
-              <geom type="sphere" size=".005" mass=".2"/></body></worldbody></mujoco>""")
+              <geom type="sphere" size=".005" mass=".2"/></body></worldbody>"""
         pad = Pad(unread_columns=0)
-        reader = tactsim.press.attach(spec, "finger", pad, stiffness=5000).bind(model := spec.compile())
-        data = mujoco.MjData(model)
-        for _ in range(1000):
-            mujoco.mj_step(model, data)
-        reading = reader.read(data)
+        _, _, reading = simulate(world, pad=pad, stiffness=5000)
         across = 1 / (1 / 5 + 1e-3 / radius)
         along = 5 if standing else across
         depth = np.sqrt(reading.force / (np.pi * 5 * np.sqrt(across * along)))
@@ -257,8 +247,7 @@ def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
         assert errors(reading.kpa, image(pad, pressure))[1] < 0.01
 
 
-@pytest.mark.parametrize("kind", ["sphere", "capsule"])
-@pytest.mark.parametrize("stiffness", [200.0, 20_000.0])
+@pytest.mark.parametrize(("kind", "stiffness"), [("sphere", 20_000.0), ("capsule", 200.0)])
 def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1).
 
@@ -266,18 +255,10 @@ def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     """
     radius, stiff = 12.0, stiffness / 1e3
     shape = {"sphere": 'size=".012"', "capsule": 'size=".012 .02" pos="0 0 .02"'}[kind]
-    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="1 1 1"/>
-        <body pos="0 0 .0121"><joint type="slide" axis="0 0 1"/>
-              <geom name="tip" type="{kind}" {shape} mass=".3"/></body>
-        </worldbody></mujoco>""")
+    world = f"""<worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .0121"><joint type="slide" axis="0 0 1"/>
+          <geom name="tip" type="{kind}" {shape} mass=".3"/></body></worldbody>"""
     pad = Pad(unread_columns=0)
-    reader = tactsim.press.attach(spec, "tip", pad, normal=(0, 0, -1), stiffness=stiffness).bind(
-        model := spec.compile()
-    )
-    data = mujoco.MjData(model)
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
+    _, _, reading = simulate(world, "tip", pad, normal=(0, 0, -1), stiffness=stiffness)
     angle = np.linspace(0, 1, 20_001)
 
     def force(depth):
@@ -294,7 +275,7 @@ def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     assert errors(reading.kpa, image(pad, pressure))[1] < (0.02 if stiffness < 1000 else 0.01)
 
 
-@pytest.mark.parametrize("polar", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize("polar", [0.0, 0.6])
 def test_a_pad_that_wraps_a_capsules_end_is_the_closed_form(polar):
     """A ball presses the round end at an angle to its rim, and on the rim, where the end meets the side.
 
@@ -303,17 +284,12 @@ def test_a_pad_that_wraps_a_capsules_end_is_the_closed_form(polar):
     radius, half, stiff = 12.0, 4.0, 5.0
     way = np.array([np.cos(polar), 0, np.sin(polar)])
     middle = [0, 0, half / 1e3] + way * (radius + 5.01) / 1e3
-    spec = mujoco.MjSpec.from_string(f"""<mujoco>
-        <option timestep="0.001" gravity="{" ".join(map(str, -GRAVITY * way))}"/><worldbody>
+    world = f"""<option gravity="{" ".join(map(str, -GRAVITY * way))}"/><worldbody>
         <geom name="tip" type="capsule" size="{radius / 1e3} {half / 1e3}"/>
         <body pos="{" ".join(map(str, middle))}"><joint type="slide" axis="{" ".join(map(str, way))}"/>
-          <geom type="sphere" size=".005" mass=".2"/></body></worldbody></mujoco>""")
+          <geom type="sphere" size=".005" mass=".2"/></body></worldbody>"""
     pad = Pad(rows=16, unread_columns=0)
-    reader = tactsim.press.attach(spec, "tip", pad, stiffness=1e3 * stiff).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
+    _, _, reading = simulate(world, "tip", pad, stiffness=1e3 * stiff)
     across = 1 / (1 / 5 + 1 / radius)
 
     def pressure(u, v):
@@ -330,50 +306,21 @@ def test_a_pad_that_wraps_a_capsules_end_is_the_closed_form(polar):
     assert errors(reading.kpa, image(pad, pressure))[1] < 0.015
 
 
-# Without gaps and without point spread the taxels' sum is the force.
-TIGHT = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
-TAXEL = 1.9 * 1.9 / 1e3  # N for a kPa
-
-
 @pytest.mark.parametrize("about", ["x", "y"])
 def test_a_block_at_rest_on_a_slope_shears_the_pad_downhill_by_its_weights_part(about):
     """By m g sin a, along the pad's x of a pad that is turned about y, and against its y of one turned about x."""
-    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
+    world = f"""<option cone="elliptic" impratio="10"/><worldbody>
         <frame euler="{"11.4592 0 0" if about == "x" else "0 11.4592 0"}">
           <body name="slope"><geom name="finger" type="box" size=".02 .02 .005" friction="1"/></body>
           <body name="block" pos="0 0 .008"><freejoint/><geom type="box" size=".003 .003 .003" mass=".2"/></body>
-        </frame></worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "slope", TIGHT, psf_sigma=0).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
+        </frame></worldbody>"""
+    _, _, reading = simulate(world, "slope", TIGHT, psf_sigma=0)
     weight = 0.2 * GRAVITY
     downhill = np.array([0, -1] if about == "x" else [1, 0]) * weight * np.sin(0.2)
     assert reading.force == pytest.approx(weight * np.cos(0.2), rel=1e-2)
     np.testing.assert_allclose(reading.shear, [*downhill, 0], atol=0.01)
     np.testing.assert_allclose(TAXEL * reading.shear_kpa.sum(axis=0), reading.shear[:2], atol=1e-9)
     np.testing.assert_allclose(reading.shear_kpa, np.outer(reading.kpa, reading.shear[:2] / reading.force))
-
-
-@pytest.mark.parametrize("direction", [(1, 0), (-0.6, 0.8)])
-def test_a_block_that_slides_shears_the_pad_along_its_way_by_mu_n(direction):
-    """It slides at a constant speed, pushed by an actuator on each of its two slides."""
-    spec = mujoco.MjSpec.from_string("""<mujoco><option timestep="0.001" cone="elliptic" impratio="10"/><worldbody>
-        <geom name="finger" type="box" size=".02 .02 .005" friction=".4"/>
-        <body name="block" pos="0 0 .008"><joint name="x" type="slide" axis="1 0 0"/>
-          <joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
-          <geom type="box" size=".003 .003 .003" mass=".2" friction=".4"/></body></worldbody>
-        <actuator><velocity joint="x" kv="100"/><velocity joint="y" kv="100"/></actuator></mujoco>""")
-    reader = tactsim.press.attach(spec, "finger", TIGHT, psf_sigma=0).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    data.ctrl[:] = np.array(direction) * 0.012
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
-    assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-2)
-    np.testing.assert_allclose(reading.shear[:2], 0.4 * reading.force * np.array(direction), atol=0.01)
-    np.testing.assert_allclose(TAXEL * reading.shear_kpa.sum(axis=0), reading.shear[:2], atol=1e-9)
 
 
 def test_two_bodies_that_slide_apart_shear_the_pad_each_its_own_way():
@@ -447,26 +394,13 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ("ghost", {}, "geom 'ghost' cannot touch anything: its contype and conaffinity are 0"),
         ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
         (
-            "two",
-            {"pad": Pad(rows=20)},
-            "the pad reaches from (-7.7, -18.95) to (7.7, 18.95) mm and body 'two' from",
-        ),
-        (
-            "capsule",
-            {"normal": (1, 0, 1)},
-            "geom 'capsule' is a capsule: its pad's normal lies across its axis z or",
-        ),
-        (
             "capsule",
             {"pad": Pad(rows=40)},
             "the pad reaches from (-7.7, -37.95) to (7.7, 37.95) mm and geom 'capsule' from (-13.5, -29.42) to "
             "(13.5, 29.42) mm about the pad's middle: choose a smaller pad",
         ),
-        ("box", {"normal": (0, 0, 0)}, "normal is (0, 0, 0); it is the direction in which the pad looks"),
         ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),
-        ("box", {"psf_sigma": 0.1}, "psf_sigma is 0.1; it is 0 or at least 0.3 mm"),
         ("box", {"pad": "pad.toml"}, "pad is 'pad.toml'; give a tactsim.Pad, and of a file Pad.load(file)"),
-        (3, {}, "geom is 3; give a geom or a body of the spec, or the name of one"),
         ("plain", {"at": (1, 0)}, "geom 'plain_pad0' is round: turn the pad's normal instead of giving `at`"),
     ],
 )
@@ -495,12 +429,8 @@ def test_a_model_without_the_geom_is_one_line():
     ("geom", "one", "other", "overlap"),
     [
         ("box", {"at": (-4, 0)}, {"at": (4, 0)}, True),
-        ("box", {"at": (-8, 0)}, {"at": (8, 0)}, False),
-        ("box", {"at": (0, 5.63)}, {"at": (0, -5.63)}, True),
         ("box", {"at": (0, 5.65)}, {"at": (0, -5.65)}, False),  # side by side
-        ("box", {}, {"normal": (0, 0, -1)}, False),
         ("box", {"pad": Pad(rows=2, columns=2)}, {}, True),  # the one within the other
-        ("capsule", {}, {"normal": (-1, 0, 0)}, False),
         ("capsule", {}, {"normal": (0, 1, 0)}, True),
         ("palm", {}, {"normal": (1, 0, 0)}, False),
     ],
@@ -527,16 +457,11 @@ def test_a_mesh_that_is_not_closed_is_its_convex_hull():
     corners = (
         "-.01 -.01 0 .01 -.01 0 .01 .01 0 -.01 .01 0 -.01 -.01 .01 .01 -.01 .01 .01 .01 .01 -.01 .01 .01"
     )
-    spec = mujoco.MjSpec.from_string(f"""<mujoco><asset><mesh name="m" inertia="shell" vertex="{corners}"
+    world = f"""<asset><mesh name="m" inertia="shell" vertex="{corners}"
           face="0 3 2 0 2 1 0 4 7 0 7 3 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6"/></asset><worldbody>
         <body name="shell"><geom type="mesh" mesh="m"/></body>
-        <body pos=".001 0 .0151"><joint type="slide" axis="0 0 1"/><geom size=".005" mass=".2"/></body>
-        </worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "shell", PAD).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
+        <body pos=".001 0 .0151"><joint type="slide" axis="0 0 1"/><geom size=".005" mass=".2"/></body></worldbody>"""
+    _, _, reading = simulate(world, "shell", PAD)
     assert reading.force == pytest.approx(0.2 * GRAVITY, rel=1e-3)
     assert errors(reading.kpa, image(PAD, ball(reading.force, 5, 1, 0)))[1] < 0.01
 

@@ -3,16 +3,16 @@
 import mujoco
 import numpy as np
 import pytest
-from attached_scenes import block, errors, image, letter_geoms, settle, springs, within
+from attached_scenes import block, errors, image, letter_geoms, settle, simulate, springs, within
 
 import tactsim
 from tactsim import Pad, models
 
 PAD = Pad()
-PLATE = [(-3, 0, 3, 4), (3, 0, 3, 4)]  # x, y, half along x, half along y, mm
 
 
 def box(x, y, half_x, half_y, above=0.0):
+    """Write a box of halves mm, its face `above` mm over z = 0."""
     return f"""<geom type="box" size="{half_x / 1e3} {half_y / 1e3} .002"
         pos="{x / 1e3} {y / 1e3} {0.002 + above / 1e3}"/>"""
 
@@ -31,12 +31,10 @@ def gap_of(boxes):
 @pytest.mark.parametrize(
     "boxes",
     [
-        PLATE,
         [(-2, 0.13, 4, 4), (3, 0.13, 3, 4), (0.3, 0.13, 1, 4)],  # they overlap
         [(0.2, 0.1, 5, 1.3), (0.2, 0.1, 1.1, 4)],  # a cross
         [(-6, 0, 5, 4), (4.3, 0, 5.3, 4)],  # beyond the pad's rim
-        [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.02)],  # steps
-        [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.2)],
+        [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.02)],  # a step
     ],
 )
 def test_boxes_of_one_body_are_one_face(boxes):
@@ -46,7 +44,7 @@ def test_boxes_of_one_body_are_one_face(boxes):
     assert reading.outside == pytest.approx(reading.force - inside, abs=5e-4)
 
 
-@pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.004), ("E", 0.02)])
+@pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.02)])
 def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
     """Parts lie wall to wall along slanted lines. Held by a slide, tilted about y."""
     letter = models.letter(name)
@@ -65,16 +63,10 @@ def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
 def test_a_body_that_is_free_to_turn_is_centred_where_its_weight_is(lever):
     """The plate's seam is off its middle and the contacts lie unevenly; a stiff layer, so that it does not lean."""
     geoms = box(-4, 0, 2, 4) + box(2, 0, 4, 4)
-    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><worldbody>
-        <geom name="finger" type="box" size=".03 .03 .005" pos="0 0 -.005"/>
+    world = f"""<worldbody><geom name="finger" type="box" size=".03 .03 .005" pos="0 0 -.005"/>
         <body name="body" pos="0 0 1e-5"><freejoint/>
-          <inertial pos="{lever / 1e3} 0 .002" mass="0.2" diaginertia="1e-5 1e-5 1e-5"/>{geoms}</body>
-        </worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "finger", PAD, stiffness=1e5).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(3000):
-        mujoco.mj_step(model, data)
-    reading = reader.read(data)
+          <inertial pos="{lever / 1e3} 0 .002" mass="0.2" diaginertia="1e-5 1e-5 1e-5"/>{geoms}</body></worldbody>"""
+    _, data, reading = simulate(world, pad=PAD, steps=3000, stiffness=1e5)
     truth = image(PAD, block(reading.force, 6, 4, x=data.body("body").xpos[0] * 1e3, lever=lever))
     assert errors(reading.kpa, truth)[1] < 0.02
 
@@ -107,17 +99,11 @@ def test_two_faces_of_one_body_that_hold_a_finger_are_two_loads():
     assert right.kpa.max() > 1
 
 
-def press_on(link, normal=(0, 0, 1), *, pad=PAD, object_geom, steps=1200, **options):
+def press_on(link, *, pad=PAD, object_geom, assets="", **options):
     """Let a body slide down on a link of geoms, MJCF: the reading."""
-    assets = options.pop("assets", "")
-    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="0.001"/><asset>{assets}</asset><worldbody>
-        <body name="link">{link}</body>
-        <body name="body"><joint type="slide" axis="0 0 1"/>{object_geom}</body></worldbody></mujoco>""")
-    reader = tactsim.press.attach(spec, "link", pad, normal=normal, **options).bind(model := spec.compile())
-    data = mujoco.MjData(model)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-    return reader.read(data)
+    world = f"""<asset>{assets}</asset><worldbody><body name="link">{link}</body>
+        <body name="body"><joint type="slide" axis="0 0 1"/>{object_geom}</body></worldbody>"""
+    return simulate(world, "link", pad, steps=1200, **options)[2]
 
 
 def test_an_array_spans_the_boxes_of_a_link():
@@ -134,7 +120,7 @@ def test_an_array_spans_the_boxes_of_a_link():
     assert errors(reading.kpa, truth)[1] < 0.02  # the lattice samples the steps between the boxes
 
 
-@pytest.mark.parametrize("x", [0.0, 1.5, 8.5])
+@pytest.mark.parametrize("x", [1.5, 8.5])
 def test_boxes_side_by_side_carry_a_pad_as_one_box_does(x):
     """Their faces are in one plane, so that nothing steps; also at the rim of both."""
     ball = f'<geom size=".006" pos="{x / 1e3} .0007 .01101" mass=".2"/>'
@@ -160,7 +146,8 @@ def test_a_mesh_that_is_a_box_carries_a_pad_as_the_box_does():
 
 
 def test_a_fine_mesh_of_an_ellipsoid_carries_a_pad_as_the_ellipsoid_does():
-    polar, around = np.meshgrid(np.linspace(0, np.pi, 61), np.linspace(0, 2 * np.pi, 121)[:-1])
+    """The mesh is of the upper part alone, as fine as 60 rings of 120 corners over the whole."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi / 3, 21), np.linspace(0, 2 * np.pi, 121)[:-1])
     way = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
     ball = '<geom type="box" size=".02 .02 .002" pos="0 0 .01401" mass=".2"/>'
     pad = Pad(unread_columns=0)

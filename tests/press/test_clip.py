@@ -4,7 +4,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from manifold3d import CrossSection
 
-from tactsim.core import invert
 from tactsim.press.clip import MOMENTS, POWERS, cell_moments, covers, edges_of
 
 X_LINES = np.array([-3.0, -2.0, -0.5, 0.5, 1.0, 4.0])
@@ -16,44 +15,6 @@ SHAPES = {
     ),
     "ring": CrossSection.circle(2.2, 40) - CrossSection.circle(1.7, 40),
 }
-
-
-def moments_of(region, centre):
-    """Area, first and second moments by triangles to a corner."""
-    total = np.zeros(6)
-    for contour in region.to_polygons():
-        a = contour - centre
-        b = np.roll(a, -1, axis=0)
-        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        s = a + b
-        second = [
-            cross / 24 * (s[:, i] * s[:, j] + a[:, i] * a[:, j] + b[:, i] * b[:, j])
-            for i, j in ((0, 0), (0, 1), (1, 1))
-        ]
-        total += [v.sum() for v in (cross / 2, *(cross[:, None] * s / 6).T, *second)]
-    return total
-
-
-@given(
-    st.sampled_from(sorted(SHAPES)),
-    st.floats(-4, 4),
-    st.floats(-4, 4),
-    st.one_of(st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2]), st.floats(-7, 7)),
-)
-@settings(deadline=None)
-def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
-    shape = SHAPES[name]
-    moments = cell_moments(edges_of(shape.to_polygons()), np.array([[x, y, angle]]), X_LINES, Y_LINES)[:, 0]
-    placed = shape.rotate(np.degrees(angle)).translate((x, y))
-    for row in range(len(Y_LINES) - 1):
-        for column in range(len(X_LINES) - 1):
-            low = np.array([X_LINES[column], Y_LINES[row]])
-            high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
-            cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
-            # manifold3d rounds corners to 1e-8 mm, so no more can be asked
-            assert moments[:, row, column] == pytest.approx(
-                moments_of(placed ^ cell, (low + high) / 2), abs=1e-6
-            )
 
 
 def by_triangles(region, centre):
@@ -68,6 +29,31 @@ def by_triangles(region, centre):
             u, v = (s * a + t * b).T
             total += [(weight * cross / 2 * u**i * v**j).sum() for i, j in POWERS]
     return total
+
+
+def assert_moments(moments, region, within):
+    """Check moments (k, rows, columns) of each cell with those of a region by triangles."""
+    for row in range(len(Y_LINES) - 1):
+        for column in range(len(X_LINES) - 1):
+            low = np.array([X_LINES[column], Y_LINES[row]])
+            high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
+            cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
+            truth = by_triangles(region ^ cell, (low + high) / 2)
+            assert moments[:, row, column] == pytest.approx(truth[: len(moments)], abs=within)
+
+
+@given(
+    st.sampled_from(sorted(SHAPES)),
+    st.floats(-4, 4),
+    st.floats(-4, 4),
+    st.one_of(st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2]), st.floats(-7, 7)),
+)
+@settings(deadline=None, max_examples=50)
+def test_moments_are_those_of_the_clipped_polygon(name, x, y, angle):
+    shape = SHAPES[name]
+    moments = cell_moments(edges_of(shape.to_polygons()), np.array([[x, y, angle]]), X_LINES, Y_LINES)[:, 0]
+    # manifold3d rounds corners to 1e-8 mm, so no more can be asked
+    assert_moments(moments, shape.rotate(np.degrees(angle)).translate((x, y)), 1e-6)
 
 
 def test_an_edge_that_crosses_a_line_by_less_than_any_double_is_no_edge_of_its_own():
@@ -95,7 +81,7 @@ def test_an_edge_that_crosses_a_line_by_less_than_any_double_is_no_edge_of_its_o
     st.floats(-0.3, 0.3),
 )
 @example("ring", 0.0, 0.0, (2.2250738585e-313, 0.0, 1.0), 0.0)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angle, surface, tilt):
     shape = SHAPES[name]
     level, towards, steepness = surface
@@ -119,13 +105,7 @@ def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angl
         up = np.array([a, b]) / steepness
         along, middle = np.array([-up[1], up[0]]), -level / steepness * up
         kept = placed ^ CrossSection([[middle + 50 * k for k in (-along, up - along, up + along, along)]])
-    for row in range(len(Y_LINES) - 1):
-        for column in range(len(X_LINES) - 1):
-            low = np.array([X_LINES[column], Y_LINES[row]])
-            high = np.array([X_LINES[column + 1], Y_LINES[row + 1]])
-            cell = CrossSection.square(tuple(high - low)).translate(tuple(low))
-            truth = by_triangles(kept ^ cell, (low + high) / 2)
-            assert moments[:, 0, row, column] == pytest.approx(truth, abs=2e-5)
+    assert_moments(moments[:, 0], kept, 2e-5)
 
 
 def test_a_point_is_covered_where_the_ring_is():
@@ -134,5 +114,3 @@ def test_a_point_is_covered_where_the_ring_is():
     clear = (np.abs(radius - 2.2) > 0.01) & (np.abs(radius - 1.7) > 0.01)
     inside = covers(SHAPES["ring"].to_polygons(), points)
     assert np.array_equal(inside[clear], ((radius > 1.7) & (radius < 2.2))[clear])
-    placed = invert([0.0, 0.0, 0.3])
-    assert placed.shape == (3,)

@@ -13,7 +13,6 @@ from tactsim.press import press_letter, scan_letters
 from tactsim.press.bed import lay_bed, levels
 from tactsim.press.dynamics import contact_history
 from tactsim.press.force_control import ForceControl
-from tactsim.press.scan_poses import grid_poses
 from tactsim.press.scene import Setup, UnsettledError, scene
 from tactsim.press.touches import Touches
 
@@ -25,29 +24,18 @@ def both(name, pose, **press):
     return still, moving
 
 
-@pytest.mark.parametrize("name", ["E", "I", "W"])
-def test_it_ends_where_the_equilibrium_is(name):
-    for pose in grid_poses()[5::24]:
-        still, moving = both(name, pose)
-        assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
-
-
 @pytest.mark.parametrize(
     "press",
     [
-        {"force": 0.01},
-        {"force": 100.0},
+        {},
         {"tilt_x": 0.01, "tilt_y": -0.005},
         {"tilt_x": 0.01, "wrist_stiffness": 2000.0},
-        {"dissipation": 0.0},
         {"dissipation": 2.0},
-        {"ramp": 0.0, "approach_speed": 50.0},
-        {"clearance": 0.0},
-        {"moving_mass": 5.0},
+        {"ramp": 0.0, "approach_speed": 50.0, "clearance": 0.0},
         {"force": 1000.0, "thickness": 0.2},
     ],
 )
-def test_it_does_whatever_the_press_is_like(press):
+def test_it_ends_where_the_equilibrium_is(press):
     still, moving = both("E", [-3.4, 3.4, 0.5], **press)
     assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
 
@@ -77,16 +65,6 @@ def test_a_press_that_does_not_settle_is_reported(few_angles):
         scan_letters(TOO_SHORT, cache=False)
 
 
-def test_a_scan_can_be_taken_with_full_dynamics(few_angles):
-    options = level_scan(
-        letters=("I",), press=level_press(dynamics="full"), placement_mm=0, placement_rad=0, test_poses="same"
-    )
-    scan, work = scan_letters(options, cache=False)
-    usual, _ = scan_letters(options.model_copy(update={"press": level_press()}), cache=False)
-    assert work["presses"] > 25
-    assert np.abs(scan.readings - usual.readings).max() <= 0.7 + 5e-3 * usual.readings.max()
-
-
 @pytest.mark.long
 def test_a_worker_s_unsettled_press_is_reported_too(monkeypatch, few_angles):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
@@ -114,15 +92,13 @@ def history(*, name="E", pose=(1.0, 2.0, 0.3), **press):
     return contact_history(bed, touches, 0, options), bed.area
 
 
-CORNERS = [
-    {"moving_mass": mass, "stiffness": stiffness, "force": force}
-    for mass in (0.01, 10.0)
-    for stiffness in (10.0, 1e5)
-    for force in (0.05, 100.0)
-]
-
-
-@pytest.mark.parametrize("press", CORNERS, ids=str)
+@pytest.mark.parametrize(
+    "press",
+    [
+        {"moving_mass": 0.01, "stiffness": 1e5, "force": 0.05},
+        {"moving_mass": 10.0, "stiffness": 10.0, "force": 100.0},
+    ],
+)
 def test_the_force_is_reached_without_overshoot_whatever_is_moved_against_what(press):
     force = press["force"]
     peaks = []
@@ -156,7 +132,7 @@ def test_without_a_ramp_a_flat_face_answers_as_two_equal_poles():
     assert force / 2.0 == pytest.approx(1 - (1 + rate * times) * np.exp(-rate * times), abs=0.005)
 
 
-@pytest.mark.parametrize("softer", [0.03, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("softer", [0.03, 0.3])
 def test_a_softer_contact_than_assumed_does_not_overshoot(softer):
     """A tilted letter meets only a part of the layer at first."""
     mass, stiffness, force, step = 0.1, 6e4, 2.0, 1e-5
@@ -183,9 +159,7 @@ def test_the_servo_is_exact_without_contact_at_any_step():
 
 
 # m/s and s/m, whose product is all that a bounce depends on.
-@pytest.mark.parametrize(
-    ("speed", "dissipation"), [(0.01, 0.0), (0.001, 3.0), (0.01, 30.0), (0.1, 3.0), (0.1, 30.0)]
-)
+@pytest.mark.parametrize(("speed", "dissipation"), [(0.01, 0.0), (0.1, 30.0)])
 def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     """m v dv = -k x (1 + c v) dx gives c u + log(1 - c u) = -(c v - log(1 + c v)) for leaving at speed u."""
     letter, options = models.letter("I"), level_press(dynamics="full")
@@ -226,9 +200,7 @@ def test_a_tilted_letter_changes_its_picture_on_the_way():
     assert np.corrcoef(early, press.ideal)[0, 1] < 0.9
 
 
-@pytest.mark.parametrize(
-    "press", [{"ramp": 5.0}, {"ramp": 0.2, "time_limit": 0.2}, {"clearance": 10.0, "approach_speed": 1.0}]
-)
+@pytest.mark.parametrize("press", [{"ramp": 5.0}, {"clearance": 10.0, "approach_speed": 1.0}])
 def test_a_time_limit_that_cannot_do_is_refused(press):
     with pytest.raises(ValidationError, match="time_limit"):
         level_press(dynamics="full", **press)

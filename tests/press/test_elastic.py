@@ -55,16 +55,16 @@ def polygon(radius, corners=360):
     return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45, 0.49])
-@pytest.mark.parametrize("k", [0.01, 0.3, 1.0, 3.0, 8.0])
+@pytest.mark.parametrize("poisson", [0.0, 0.45])
+@pytest.mark.parametrize("k", [0.01, 1.0, 8.0])
 def test_the_layer_gives_way_as_the_equations_of_elasticity_say(k, poisson):
     thickness = 1.3
     ours = 2 * multiplier(np.array(k * thickness), poisson) / k
     assert ours == pytest.approx(surface_movement(k, thickness, poisson), rel=1e-9)
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.45, 0.49])
-@pytest.mark.parametrize("thickness", [1e-3, 0.1, 1.0, 5.0, 100.0])
+@pytest.mark.parametrize("poisson", [0.0, 0.49])
+@pytest.mark.parametrize("thickness", [1e-3, 1.0, 100.0])
 def test_the_sum_of_gaussians_is_the_layer_s_multiplier(thickness, poisson):
     terms = gaussians_of(thickness, poisson, 0.9, 20.0)
     k = np.geomspace(1e-3 / thickness, min(60 / thickness, 0.1 / terms.widths[0]), 500)
@@ -80,10 +80,9 @@ def test_the_sum_of_gaussians_is_the_half_space_s_multiplier():
     assert got == pytest.approx(1 / k, rel=2e-3, abs=0)
 
 
-@pytest.mark.parametrize(("radius", "cells"), [(5.0, 2), (2.5, 4)])
-def test_a_round_punch_sinks_into_a_half_space_as_boussinesq_says(radius, cells):
+def test_a_round_punch_sinks_into_a_half_space_as_boussinesq_says():
     """F = 2 E* a d, and p = F / (2 pi a sqrt(a^2 - r^2))."""
-    options = solid("half-space", cells_per_taxel=cells, force=3.0)
+    radius, options = 5.0, solid("half-space", cells_per_taxel=2, force=3.0)
     bed = lay([Level(edges_of([polygon(radius)]))], np.zeros((1, 3)), options)
     rested = press_elastic(bed, np.zeros((1, 2)), options)
     assert rested.depth[0] == pytest.approx(
@@ -119,29 +118,15 @@ def test_a_thin_compressible_layer_is_a_bed_of_springs():
     assert rested.depth == pytest.approx(2.0 / (spring * area), rel=0.02)
 
 
-def test_a_layer_as_thick_as_the_pad_is_wide_nears_the_half_space():
-    half_space = readings(*press("O", POSES, solid("half-space")), solid("half-space"))
-    distance = []
-    for thickness in (1.0, 10.0, 100.0):
-        options = solid("layer", thickness=thickness)
-        distance.append(np.abs(readings(*press("O", POSES, options), options) - half_space).max())
-    assert distance[0] > 2 * distance[1] > 4 * distance[2]
-    assert distance[2] < 2e-3 * half_space.max()
-
-
 @pytest.mark.parametrize("foundation", SOLIDS)
-@pytest.mark.parametrize("wrist", [None, 50.0, 1000.0])
-@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.02, -0.01)])
-def test_force_and_hinges_balance_and_no_pressure_pulls(foundation, wrist, tilt):
+def test_force_and_hinges_balance_and_no_pressure_pulls(foundation):
+    wrist, tilt = 50.0, (0.02, -0.01)
     options = solid(foundation, wrist_stiffness=wrist, stiffness=2000.0)
     bed, rested = press("K", POSES, options, tilt)
     assert not rested.blanks
     assert (rested.pressure >= 0).all()
     forces = rested.pressure * bed.area
     assert np.bincount(bed.press, forces) == pytest.approx(2.0, rel=1e-9)
-    if wrist is None:
-        assert np.array_equal(rested.tilt, np.tile(tilt, (len(POSES), 1)))
-        return
     about_x = -np.bincount(bed.press, forces * bed.centroid[:, 1])
     about_y = np.bincount(bed.press, forces * bed.centroid[:, 0])
     assert wrist * (rested.tilt - tilt) == pytest.approx(np.stack([about_x, about_y], axis=1), abs=1e-8)
@@ -170,17 +155,6 @@ def test_a_strongly_tilted_face_lifts_off_and_enters_nowhere(foundation):
     assert again.depth == pytest.approx(rested.depth, rel=1e-6)
 
 
-@pytest.mark.parametrize("foundation", SOLIDS)
-def test_a_symmetric_face_gives_a_symmetric_map(foundation):
-    """H on a pad without a seam is its own mirror image, and turned by 90 degrees the map turns with it."""
-    pad = Pad(seam=None, unread_columns=0)
-    options = solid(foundation, pad)
-    got = readings(*press("H", np.array([[0, 0, 0], [0, 0, np.pi / 2]]), options), options).reshape(2, 6, 6)
-    assert got[0] == pytest.approx(got[0, ::-1], abs=1e-6 * got.max())
-    assert got[0] == pytest.approx(got[0, :, ::-1], abs=1e-6 * got.max())
-    assert got[1] == pytest.approx(np.rot90(got[0]), abs=1e-6 * got.max())
-
-
 def test_a_level_behind_the_front_carries_once_the_front_is_pressed_in():
     """A ring 0.02 mm behind a disc: alone under a light force the disc carries, under a heavy one both do."""
     disc, ring = polygon(3.0), polygon(5.0)
@@ -197,7 +171,7 @@ def test_a_level_behind_the_front_carries_once_the_front_is_pressed_in():
     assert 0.05 < shares[1] < shares[2]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     st.sampled_from(models.names()),
     st.tuples(st.floats(-15, 15), st.floats(-15, 15), st.floats(-10, 10)),
@@ -214,19 +188,15 @@ def test_any_press_balances_without_pulling(name, pose, tilt, foundation, wrist,
     assert (rested.pressure >= 0).all()
     if len(bed.area) and not rested.blanks:
         assert rested.pressure @ bed.area == pytest.approx(force, rel=1e-6)
+        assert wrist is not None or rested.tilt.tolist() == [list(tilt)]
 
 
-def compare(name, poses, options, tilt=(0.0, 0.0), springs=False):
-    """Give rms and largest error of the taxels over the largest one, for each press of 4 mm^2 or more.
-
-    With `springs` a level press of independent springs is compared with the solid instead.
-    """
+def compare(name, poses, options, tilt=(0.0, 0.0)):
+    """Give rms and largest error of the taxels over the largest one, for each press of 4 mm^2 or more."""
     setup = options.press
     thickness = setup.thickness if setup.foundation == "layer" else None
     reference = Reference(options.pad, thickness, setup.poisson)
     bed, rested = press(name, poses, options, tilt)
-    if springs:
-        rested = replace(rested, pressure=setup.force / bed.area_of_presses[bed.press])
     got, errors = readings(bed, rested, options), []
     for index, pose in enumerate(poses):
         area = bed.area[bed.press == index].sum()

@@ -18,11 +18,9 @@ LOAD = np.array([0.4, 1.0, 1.7, 2.0])
 @pytest.mark.parametrize(
     "press",
     [
-        {"engine": "bed"},
         {"engine": "bed", "wrist_stiffness": "rigid"},
         {"engine": "collide"},
         {"engine": "relief"},
-        {"foundation": "layer"},
         {"stiffness": 1.0},  # so soft that the layer is as stiff as the load asks for
         {"foundation": "half-space", "stiffness": 1.0},
         {"dynamics": "full"},
@@ -52,7 +50,7 @@ def test_readings_of_a_level_face_grow_with_the_load_and_of_a_tilted_one_change_
     assert np.abs(light / light.sum() - heavy / heavy.sum()).max() > 0.01
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("spread", [0.1, 1.0])
 def test_loads_are_above_0_with_mean_1_and_the_stated_deviation(spread):
     loads = draw_loads(400_000, spread, np.random.default_rng(0))
     assert loads.min() > 0
@@ -72,11 +70,11 @@ def test_a_test_load_changes_the_test_presses_alone():
     assert lighter.readings[test] == pytest.approx(0.5 * usual.readings[test], rel=1e-12)
 
 
-def test_the_cache_knows_loads_from_each_other(own_cache):
+def test_the_cache_knows_loads_from_each_other(few_angles):
     options = {"letters": ("E",), "placement_tilt": 0.01}
     scan_letters(ScanOptions(**options))
     _, work = scan_letters(ScanOptions(**options, test_load=0.5))
-    assert work["skipped"]["cached"] == 192  # the training presses, whose load is the same
+    assert work["skipped"]["cached"] == 48  # the training presses, whose load is the same
     cached, work = scan_letters(ScanOptions(**options, test_load=0.5))
     assert work["presses"] == 0
     fresh, _ = scan_letters(ScanOptions(**options, test_load=0.5), cache=False)

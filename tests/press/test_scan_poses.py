@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from manifold3d import Manifold
 
 from tactsim import models
 from tactsim.core import InputError, Pad
@@ -14,8 +15,6 @@ def scaled_pad(k):
 
 
 def box(width, height, name="box"):
-    from manifold3d import Manifold
-
     return models.relief(name, Manifold.cube((width, height, 4.0), True))
 
 
@@ -39,8 +38,8 @@ def test_random_poses_are_uniform_over_12_mm_and_all_angles():
         assert share / 4000 == pytest.approx(1 / 8, abs=5 * np.sqrt(1 / 8 * 7 / 8 / 4000))
 
 
-@pytest.mark.parametrize("k", [0.2, 0.5, 2.0, 3.7])
-@pytest.mark.parametrize("size", [(4, 6), (24, 20), (32, 31), (60, 10)])
+@pytest.mark.parametrize("k", [0.2, 3.7])
+@pytest.mark.parametrize("size", [(4, 6), (60, 10)])
 def test_what_is_scaled_together_is_pressed_alike(k, size):
     at_one = stage_for(Pad(), box(*size))
     scaled = stage_for(scaled_pad(k), box(k * size[0], k * size[1]))
@@ -48,8 +47,8 @@ def test_what_is_scaled_together_is_pressed_alike(k, size):
     assert scaled.reach / k == pytest.approx(at_one.reach)
 
 
-@pytest.mark.parametrize(("width", "height"), [(24, 20), (40, 40), (60, 10), (80, 80)])
-@pytest.mark.parametrize("k", [0.7, 1.0, 2.5])
+@pytest.mark.parametrize(("width", "height"), [(24, 20), (80, 80)])
+@pytest.mark.parametrize("k", [0.7, 2.5])
 def test_the_pad_reaches_the_rim_and_no_gap_is_wider_than_the_paper_s(width, height, k):
     stage = stage_for(scaled_pad(k), box(width, height))
     rim = max(width, height) / 2

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -31,10 +33,10 @@ def test_readings_are_whole_steps():
     assert np.abs(sensed(resolution=0.7) - IDEAL).max() <= 0.35 + 1e-9
 
 
-def test_saturation_is_the_most_that_is_read():
-    readings = sensed(saturation=30.0)
-    assert readings.max() == 30.0
-    assert np.array_equal(readings[IDEAL < 30], IDEAL[IDEAL < 30])
+def test_saturation_is_the_most_that_is_read_and_dead_taxels_read_zero():
+    readings = sensed(saturation=30.0, dead_taxels=(3, 35))
+    assert not readings[:, [3, 35]].any()
+    assert np.array_equal(np.delete(readings, [3, 35], 1), np.minimum(np.delete(IDEAL, [3, 35], 1), 30.0))
 
 
 def test_gains_lie_about_1_and_none_is_below_zero():
@@ -60,15 +62,6 @@ def test_texture_differs_from_press_to_press_and_changes_no_other_draw():
     assert (wild == 0).mean() == pytest.approx(0.3085, abs=0.02)
 
 
-def test_images_of_one_touch_have_one_texture():
-    sensor = SensorOptions(**{**OFF, "texture": 0.5})
-    images = np.outer([1.0, 2.0, 4.0], np.ones(36))
-    felt = sense(images, sensor, np.ones(36), np.random.default_rng(0), one_touch=True)
-    assert felt[1] == pytest.approx(2 * felt[0])
-    assert felt[2] == pytest.approx(4 * felt[0])
-    assert felt[0].std() > 0.2
-
-
 def test_lag_keeps_a_share_of_the_last_reading():
     ideal = np.zeros((4, 36))
     ideal[0] = 10.0
@@ -83,6 +76,12 @@ def one_touch(loads, **options):
     return sense(images, sensor, np.ones(36), np.random.default_rng(0), one_touch=True)[:, 0]
 
 
+def test_images_of_one_touch_have_one_texture():
+    felt = one_touch([1.0, 2.0, 4.0], texture=0.5)
+    assert felt[1:] == pytest.approx([2 * felt[0], 4 * felt[0]])
+    assert felt[0] != pytest.approx(1.0, rel=1e-3)
+
+
 def test_a_load_that_falls_is_read_too_high_and_right_again_at_0():
     loads = np.concatenate([np.linspace(0, 40, 21), np.linspace(40, 0, 21)])
     read = one_touch(loads, hysteresis=0.1)
@@ -93,16 +92,6 @@ def test_a_load_that_falls_is_read_too_high_and_right_again_at_0():
     assert read[-1] == pytest.approx(0, abs=1e-12)
     # Preisach's descending branch b - E(a, b) in closed form.
     assert falling == pytest.approx(4 * 0.1 * loads[21:] * (1 - loads[21:] / 40), abs=1e-12)
-
-
-def test_a_small_loop_closes_and_is_forgotten():
-    read = one_touch([0, 40, 10, 30, 10, 30, 40, 50], hysteresis=0.2)
-    assert read[2] == pytest.approx(read[4])
-    assert read[3] == pytest.approx(read[5])
-    assert read[6] == pytest.approx(40)
-    assert read[7] == pytest.approx(50)
-    straight = one_touch([0, 40, 10, 5], hysteresis=0.2)
-    assert one_touch([0, 40, 10, 30, 5], hysteresis=0.2)[-1] == pytest.approx(straight[-1])
 
 
 def brute_force_preisach(loads, share, relays=400):
@@ -124,7 +113,7 @@ def test_hysteresis_is_that_of_many_relays():
     assert one_touch(loads, hysteresis=0.15) == pytest.approx(brute_force_preisach(loads, 0.15), abs=0.005)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(0, 100), min_size=1, max_size=30), st.floats(0, 0.25))
 def test_hysteresis_keeps_between_the_load_and_its_bounds(loads, share):
     read = one_touch(loads, hysteresis=share)
@@ -141,12 +130,6 @@ def test_hysteresis_keeps_between_the_load_and_its_bounds(loads, share):
 
 def test_drift_moves_the_zero_from_reading_to_reading():
     assert sensed(np.zeros((3, 36)), drift=0.5)[:, 0] == pytest.approx([0.5, 1.0, 1.5])
-
-
-def test_dead_taxels_read_zero():
-    readings = sensed(dead_taxels=(3, 35), noise=2.0)
-    assert not readings[:, [3, 35]].any()
-    assert readings[:, 4].all()
 
 
 def test_random_taxels_are_as_many_as_asked_for_and_half_of_them_look_like_contact():
@@ -166,38 +149,18 @@ def test_random_taxels_of_a_reading_without_pressure_are_zero():
     assert 0.4 < (faint < 0.06).mean() < 0.6
 
 
-def test_an_effect_does_not_change_what_another_draws():
-    quiet = sensed(noise=2.0) - IDEAL
-    busy = sensed(noise=2.0, random_taxels=0.3)
-    kept = np.isclose(busy, IDEAL + quiet)
-    assert 0.6 < kept.mean() < 0.8
-
-
 @pytest.mark.parametrize(
-    "wrong",
-    [
-        {"noise": -1},
-        {"noise": float("nan")},
-        {"psf_sigma": 0.1},
-        {"saturation": 0},
-        {"hysteresis": 0.3},
-        {"lag": 1},
-        {"gian": 1},
-    ],
+    "wrong", [{"noise": float("nan")}, {"psf_sigma": 0.1}, {"hysteresis": 0.3}, {"gian": 1}]
 )
 def test_a_value_out_of_bounds_is_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         SensorOptions(**wrong)
 
 
-@given(st.floats(0.2, 5), st.floats(1, 100))
-@settings(max_examples=50, deadline=None)
+@pytest.mark.parametrize(("exponent", "right"), [(0.2, 100.0), (5.0, 1.0)])
 def test_a_bent_response_is_a_power_of_the_pressure(exponent, right):
     readings = sensed(response=exponent, response_pressure=right)
     np.testing.assert_allclose(readings, right * np.exp(exponent * np.log(IDEAL / right)), rtol=1e-9)
-    assert sensed(np.full((1, 36), right), response=exponent, response_pressure=right) == pytest.approx(right)
-    order = np.argsort(IDEAL[0])
-    assert (np.diff(readings[0][order]) > 0).all()
 
 
 def ghosting(ideal=IDEAL, **options):
@@ -221,6 +184,15 @@ def test_unmixed_readings_are_near_the_pressures_with_noise_too():
         ((ghosting(noise=2.0, unmix=False) - ghosting(unmix=False)) ** 2).mean()
     )
     assert noisy.min() > -1e-9
+
+
+def test_every_effect_stands_on_the_page_with_its_default_and_what_is_assumed():
+    page = Path(tactsim.__file__).parents[1] / "docs" / "sensor.md"
+    rows = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `")]
+    for name, field in SensorOptions.model_fields.items():
+        (row,) = [row for row in rows if f"`{name}`" in row.split("|")[1]]
+        assert str(field.default) in row.split("|")[2], name
+        assert ("assumed" in field.description) == ("assumed" in row), name
 
 
 @pytest.mark.long

@@ -20,16 +20,17 @@ def ideal(name, engine="bed", **skips):
     return ideal_readings(Touches.of(models.letter(name), POSES), options)
 
 
-@pytest.mark.parametrize("name", ["A", "E", "I", "O", "8"])
+@pytest.mark.parametrize("name", ["A", "O"])
 def test_a_level_flat_face_needs_no_solver(name):
     usual, work = ideal(name, "auto")
     solved, more = ideal(name, "auto", solver=False)
     assert solved == pytest.approx(usual, abs=1e-8 * usual.max())
+    assert (work["no_contact"], work["presses"]) == (len(FAR), len(POSES) - len(FAR))
     assert (work["solver"], work["engine_exact"], work["engine_bed"]) == (work["presses"], work["presses"], 0)
     assert (more["solver"], more["engine_exact"], more["engine_bed"]) == (0, 0, work["presses"])
 
 
-@pytest.mark.parametrize("name", ["A", "E", "I", "O", "8"])
+@pytest.mark.parametrize("name", ["A", "O"])
 @pytest.mark.parametrize(
     ("skips", "exactly"),
     [
@@ -66,14 +67,6 @@ def test_poses_in_blocks_do_not_change_a_bit(monkeypatch):
     assert once.any()
 
 
-def test_counters_add_up():
-    _, work = ideal("E")
-    assert work["no_contact"] == len(FAR)
-    assert work["presses"] == len(POSES) - len(FAR)
-    assert work["parts"] == work["presses"]
-    assert 0 < work["cells"] < work["presses"] * 16 * 12
-
-
 def test_a_known_pose_is_not_pressed_again():
     exact = {"letters": ("U",), "test_poses": "same", "placement_mm": 0.0, "placement_rad": 0.0}
     scan, work = scan_letters(level_scan(**exact), cache=False)
@@ -92,15 +85,13 @@ def test_all_switches_leave_a_scan_as_it_is():
     assert not any(work["skipped"].values())
 
 
-@pytest.mark.parametrize("jobs", [2, 3])
-def test_any_number_of_processes_gives_the_same_bits(jobs, monkeypatch):
+@pytest.mark.long
+def test_any_number_of_processes_gives_the_same_bits(monkeypatch):
     monkeypatch.setattr("tactsim.press.scanning.WORTH_A_WORKER", 1e-3)
     options = level_scan(letters=("I", "O"), test_poses="random")
     done = []
     alone, work = scan_letters(options, cache=False)
-    many, same = scan_letters(
-        options, jobs=jobs, cache=False, progress=lambda n, total: done.append((n, total))
-    )
+    many, same = scan_letters(options, jobs=2, cache=False, progress=lambda n, total: done.append((n, total)))
     assert np.array_equal(alone.readings, many.readings)
     assert np.array_equal(alone.poses, many.poses)
     assert alone.meta == many.meta

@@ -1,20 +1,17 @@
-"""Touches in space against MuJoCo: its rays against the solids' convex parts, and a pad that it presses itself."""
+"""Touches in space against a pad that MuJoCo presses itself."""
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import tactsim
 from tactsim import models
 from tactsim.core import Pad
-from tactsim.core.rigid import matrix
 from tactsim.press.space import SpaceOptions, SpacePress, touch_grid
 from tactsim.press.space.space_press import advanced
-from tactsim.press.spread import felt_along
 
-X_LOW, X_HIGH, Y_LOW, Y_HIGH = Pad().load_bounds
-FORCE, STIFFNESS, DEEPEST = 2.0, 0.05, 3.0  # N, N/mm^3, mm
+_, X_HIGH, _, Y_HIGH = Pad().load_bounds
+FORCE, STIFFNESS = 2.0, 0.05  # N, N/mm^3
 
 
 def scene(solid):
@@ -28,47 +25,6 @@ def scene(solid):
             type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{number}", friction=(0.01, 0, 0)
         )
     return spec
-
-
-def seen_by_rays(model, start, fine=0.25):
-    """Send rays from the pad: the ways (rows, columns) mm to what they meet, at points x and y mm."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    columns, rows = round((X_HIGH - X_LOW) / fine), round((Y_HIGH - Y_LOW) / fine)
-    x = X_LOW + (np.arange(columns) + 0.5) * (X_HIGH - X_LOW) / columns
-    y = Y_LOW + (np.arange(rows) + 0.5) * (Y_HIGH - Y_LOW) / rows
-    turn = matrix(start[3:])
-    met = np.zeros(1, np.int32)
-    away = np.array([
-        [
-            mujoco.mj_ray(model, data, (start[:3] + turn @ (u, v, 0)) / 1e3, turn[:, 2], None, 1, -1, met)
-            for u in x
-        ]
-        for v in y
-    ])  # fmt: skip
-    return np.where(away < 0, np.inf, 1e3 * away), x, y
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["star-knob", "nut"])
-def test_a_press_through_rays_reads_the_same(name):
-    solid, pad = models.solid(name), Pad()
-    model = scene(solid).compile()
-    starts = touch_grid(solid, 2, 1, 0.0, np.random.default_rng(5))
-    found = SpacePress([solid], SpaceOptions()).touch(name, starts)
-    for start, travel, reading in zip(starts, found.travel, found.readings, strict=True):
-        gap, x, y = seen_by_rays(model, start)
-        area = (X_HIGH - X_LOW) * (Y_HIGH - Y_LOW) / gap.size
-
-        def carried(depth, gap=gap, area=area):
-            return area * np.maximum(gap.min() + depth - gap, 0)
-
-        stiff = max(STIFFNESS, FORCE / carried(DEEPEST).sum())
-        depth = brentq(lambda depth, stiff=stiff: stiff * carried(depth).sum() - FORCE, 0, DEEPEST + 1e-6)
-        assert travel == pytest.approx(gap.min() + depth, abs=0.06)
-        felt_x, felt_y = felt_along(x, pad.column_edges, 1.0), felt_along(y, pad.row_edges, 1.0)
-        expected = 1e3 * (felt_y.T @ (stiff * carried(depth)) @ felt_x).ravel() / 1.8**2
-        assert np.abs(reading - expected).max() < 0.06 * expected.max()
 
 
 def test_a_pad_that_mujoco_presses_on_an_egg_reads_nearly_the_same():

@@ -73,7 +73,7 @@ def test_a_flat_face_is_pressed_evenly():
     assert found.readings == pytest.approx(np.full((1, 36), even), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["key", "gear", "star-knob"])
+@pytest.mark.parametrize("name", ["key", "star-knob"])
 def test_touches_agree_with_the_exact_press_of_facets(name):
     """The press of relief integrates over each facet that is seen; it sees the object from outside, so y is turned."""
     solid = models.solid(name)
@@ -133,9 +133,8 @@ def test_a_curved_pad_on_a_flat_face_sinks_in_as_its_curve_says(body):
     def load(d):
         edge = math.sqrt(20**2 - (20 - d) ** 2)
 
-        def spring(
-            x,
-        ):  # depth along z, times the part along z of the normal, twice over a surface larger by one
+        # Depth along z, times the part along z of the normal, twice over a surface larger by one.
+        def spring(x):
             return (d - 20 + math.sqrt(400 - x**2)) * math.sqrt(400 - x**2) / 20
 
         if body == "cylinder":
@@ -146,10 +145,7 @@ def test_a_curved_pad_on_a_flat_face_sinks_in_as_its_curve_says(body):
 
 
 def test_a_body_too_small_for_the_pad_is_refused():
-    with pytest.raises(
-        InputError,
-        match=r"radius is 4 mm, and the pad reaches too far round such a cylinder: it needs 5\.\d+ mm",
-    ):
+    with pytest.raises(InputError, match="radius is 4 mm, and the pad reaches too far round such a cylinder"):
         press(meshes.ball(), body="cylinder", radius=4.0)
 
 
@@ -180,3 +176,22 @@ def test_an_unknown_object_and_a_start_that_is_no_pose_are_refused():
         press(meshes.ball()).touch("ball", BELOW * 2)
     with pytest.raises(InputError, match="table of poses"):
         press(meshes.ball()).touch("ball", BELOW[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"radius": 20.0}, "a flat pad has no radius: give body = cylinder or sphere"),
+        ({"body": "sphere"}, "a pad on a sphere needs its radius, mm"),
+        ({"spacing": 0.01}, "choose a larger spacing or fewer taxels"),
+        ({"force": float("nan")}, "finite"),
+    ],
+)
+def test_what_makes_no_touch_is_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        SpaceOptions(**given)
+
+
+def test_images_come_at_even_steps_of_the_force():
+    assert SpaceOptions(frames=4, force=2.0).frame_forces.tolist() == [0.5, 1.0, 1.5, 2.0]
+    assert SpaceOptions(force=3.0).frame_forces.tolist() == [3.0]
