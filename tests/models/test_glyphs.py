@@ -41,7 +41,7 @@ def overlaps():
         for name in names
     }
     found = {}
-    for a, b in itertools.combinations_with_replacement(names, 2):
+    for a, b in itertools.combinations(names, 2):
         cells = fft.irfft2(spectra[a][:1].conj() * spectra[b], s=(CELLS, CELLS), axes=(1, 2))
         flat = cells.reshape(len(TURNS), -1)
         best = flat.argmax(axis=1)
@@ -55,7 +55,7 @@ def test_no_two_glyphs_are_alike_however_turned_and_shifted(overlaps):
     for (a, b), (overlap, shift) in overlaps.items():
         first, second = models.letter(a).footprint, models.letter(b).footprint
         total = first.area() + second.area()
-        if a == b or total - 2 * overlap.max() > 3 * LEAST_DIFFERENCE:
+        if total - 2 * overlap.max() > 3 * LEAST_DIFFERENCE:
             continue
 
         def difference(pose, first=first, second=second, total=total):
@@ -69,24 +69,12 @@ def test_no_two_glyphs_are_alike_however_turned_and_shifted(overlaps):
             assert best.fun > LEAST_DIFFERENCE, (a, b, best.x)
 
 
-@pytest.mark.long
-def test_no_glyph_is_like_itself_at_an_angle_that_is_not_a_symmetry(overlaps):
+def test_glyphs_are_about_25_mm_tall_and_fit_the_stage():
     for name in models.names():
-        order = models.letter(name).symmetry
-        if order == math.inf:
-            continue
-        off = np.mod(TURNS, 2 * math.pi / order)
-        off = np.minimum(off, 2 * math.pi / order - off)
-        different = 2 * models.letter(name).area - 2 * overlaps[name, name][0]
-        assert different[off > math.radians(21)].min() > LEAST_DIFFERENCE, name
-
-
-@pytest.mark.parametrize("name", models.names())
-def test_glyphs_are_about_25_mm_tall_and_fit_the_stage(name):
-    left, bottom, right, top = models.letter(name).footprint.bounds()
-    assert top - bottom == pytest.approx(25, abs=2)
-    assert right - left < 28.5
-    assert max(-left, -bottom, right, top) < 16
+        left, bottom, right, top = models.letter(name).footprint.bounds()
+        assert top - bottom == pytest.approx(25, abs=2), name
+        assert right - left < 28.5, name
+        assert max(-left, -bottom, right, top) < 16, name
 
 
 def test_curves_stay_near_their_circle():
@@ -97,20 +85,12 @@ def test_curves_stay_near_their_circle():
         assert radius - np.hypot(*middle.T).min() < 0.04
 
 
-def test_the_catalogue_holds_capitals_and_digits():
-    assert "".join(models.names()) == "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-
-
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("AEIOU", "AEIOU"),
-        ("A,E,I", "AEI"),
-        (" U E  A ", "UEA"),
+        (" U E,A ", "UEA"),
         ("AAEA", "AE"),
-        ("A-D", "ABCD"),
         ("X-2", "XYZ012"),
-        ("7-9,A-A", "789A"),
         ("C-EA-D", "CDEAB"),
         ("A-Z0-9", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"),
     ],
@@ -119,7 +99,7 @@ def test_letter_sets(text, expected):
     assert "".join(models.parse_letters(text)) == expected
 
 
-@pytest.mark.parametrize("text", ["", " , ", "a", "A-", "-A", "U-A", "A-?", "--", "É", "A\nB;", "AEI OU!"])
+@pytest.mark.parametrize("text", ["", "a", "A-", "U-A", "A\nB;"])
 def test_wrong_letter_sets_are_one_line(text):
     with pytest.raises(InputError) as error:
         models.parse_letters(text)

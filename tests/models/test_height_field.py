@@ -4,6 +4,7 @@ import pickle
 import numpy as np
 import pytest
 from manifold3d import CrossSection, Manifold
+from scipy.spatial.transform import Rotation
 
 from tactsim import models
 from tactsim.core import InputError
@@ -20,11 +21,6 @@ def wedge():
     """A ramp that falls towards +x, by 0.5 mm in 10."""
     outline = CrossSection([[[-5, 0], [5, 0], [5, 3.5], [-5, 4]]])
     return outline.extrude(8).rotate((90, 0, 0)).translate((0, 4, 0))
-
-
-def stepped(step):
-    """Two blocks side by side, the right one lower by `step` mm."""
-    return Manifold.cube((8, 8, 4)) + Manifold.cube((8, 8, 4 - step)).translate((8, 0, 0))
 
 
 def areas(facets):
@@ -54,16 +50,13 @@ def met_first(solid, points):
 
 
 def turn(seed):
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.random(random_state=seed).as_matrix()
+    return np.eye(3) if seed is None else Rotation.random(random_state=seed).as_matrix()
 
 
-@pytest.mark.parametrize("seed", [None, 1, 2, 3, 4])
-@pytest.mark.parametrize("make", [tower, wedge, lambda: models.letter("E", rounding=0.5).solid])
+@pytest.mark.parametrize("seed", [None, 1, 2])
+@pytest.mark.parametrize("make", [tower, lambda: models.letter("E", rounding=0.5).solid])
 def test_what_is_seen_is_what_is_met_first_and_nothing_twice(make, seed):
-    solid = make()
-    rotation = np.eye(3) if seed is None else turn(seed)
+    solid, rotation = make(), turn(seed)
     # x_mesh = rotation x, so the solid seen in those axes is the solid turned back.
     turned = solid.transform(np.column_stack([rotation.T, np.zeros(3)]))
     field = Relief.of(solid).seen_along(rotation)
@@ -81,9 +74,9 @@ def test_what_is_seen_is_what_is_met_first_and_nothing_twice(make, seed):
     assert found[~steep] == pytest.approx(expected[~steep], abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", [None, 1, 2, 5])
+@pytest.mark.parametrize("seed", [None, 1])
 def test_a_window_keeps_all_that_the_pad_may_meet_there(seed):
-    rotation = np.eye(3) if seed is None else turn(seed)
+    rotation = turn(seed)
     relief = Relief.of(tower())
     whole = relief.seen_along(rotation)
     window = Window(1.5, -2.0, 3.0, 1.2)
@@ -100,7 +93,8 @@ def test_a_window_keeps_all_that_the_pad_may_meet_there(seed):
 
 @pytest.mark.parametrize("step", [0.02, 0.5])
 def test_a_step_is_part_of_the_footprint_and_of_the_symmetry(step):
-    shape = models.relief("step", stepped(step))
+    lower = Manifold.cube((8, 8, 4 - step)).translate((8, 0, 0))
+    shape = models.relief("step", Manifold.cube((8, 8, 4)) + lower)
     assert shape.area == pytest.approx(128)
     assert shape.height == 4
     assert shape.flat_depth == pytest.approx(step)
@@ -121,22 +115,15 @@ def test_what_lies_deeper_than_is_felt_is_no_part_of_the_footprint():
 @pytest.mark.parametrize(
     ("make", "order"),
     [
-        (lambda: Manifold.sphere(10, 256), math.inf),
         (lambda: Manifold.cylinder(5, 8, 0, 256), math.inf),
         (lambda: Manifold.cylinder(20, 6, 6, 256, True).rotate((90, 0, 0)), 2),
         (lambda: Manifold.cylinder(2, 8, 6, 6), 6),
-        (lambda: Manifold.cylinder(3, 8, 8, 256) - Manifold.cube((2, 2, 2)).translate((3, 0, 2.5)), 1),
+        (wedge, 1),  # whose outline has order 2
     ],
-    ids=["sphere", "cone", "lying cylinder", "pyramid", "notch"],
+    ids=["cone", "lying cylinder", "pyramid", "ramp"],
 )
 def test_symmetry_of_relief(make, order):
     assert models.relief("it", make()).symmetry == order
-
-
-def test_a_ramp_has_an_outline_of_order_two_and_is_of_order_one():
-    shape = models.relief("ramp", wedge())
-    assert shape.area == pytest.approx(80, rel=1e-6)
-    assert shape.symmetry == 1
 
 
 def test_a_shape_with_relief_travels_and_is_known_by_its_mesh():

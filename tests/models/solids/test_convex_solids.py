@@ -13,7 +13,7 @@ from tactsim.models.solids.triangles import CutSurface
 
 
 # The others take seconds each.
-@pytest.mark.parametrize("name", ["bolt", "key", "bracket", "tetrapod"])
+@pytest.mark.parametrize("name", ["key", "bracket", "tetrapod"])
 def test_the_parts_fill_the_solid_and_no_more(name):
     solid = models.solid(name)
     hulls = [Manifold.hull_points(part) for part in solid.parts]
@@ -32,7 +32,6 @@ def test_the_parts_fill_the_solid_and_no_more(name):
 @pytest.mark.parametrize(
     ("outline", "pieces"),
     [
-        ([[0, 0], [30, 0], [30, 10], [10, 10], [10, 30], [0, 30]], 2),
         ([[0, 0], [30, 0], [30, 30], [20, 30], [20, 10], [10, 10], [10, 30], [0, 30]], 3),
         ([[0, 0], [30, 0], [30, 30], [0, 30]], 1),
     ],
@@ -57,14 +56,8 @@ def test_what_takes_too_many_pieces_is_refused():
         _ = solid_of("brush", brush).parts
 
 
-def test_a_slot_narrower_than_the_tolerance_is_filled():
-    slot = Manifold.cube((0.1, 12, 5)).translate((20, -1, 5))
-    assert len(solid_of("cracked", Manifold.cube((40, 10, 8)) - slot).parts) == 1
-
-
-@pytest.mark.parametrize("name", ["key", "bracket"])
-def test_mujoco_takes_the_parts_and_weighs_the_solid(name):
-    solid, spec = models.solid(name), mujoco.MjSpec()
+def test_mujoco_takes_the_parts_and_weighs_the_solid():
+    solid, spec = models.solid("bracket"), mujoco.MjSpec()
     body = spec.worldbody.add_body()
     body.add_freejoint()
     for number, part in enumerate(solid.parts):
