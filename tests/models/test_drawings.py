@@ -221,7 +221,8 @@ def test_what_is_left_out_is_said(tmp_path, caplog, body, remark):
     assert len(caplog.records) == bool(remark)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.long
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_drawings_that_are_put_together_are_what_resvg_fills(data):
     """Groups, transforms, styles and shapes at random: the same area as resvg's within 0.5 %, or a reason."""

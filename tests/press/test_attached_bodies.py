@@ -145,6 +145,7 @@ def test_a_mesh_that_is_a_box_carries_a_pad_as_the_box_does():
     assert errors(mesh.kpa, plain.kpa)[1] < 0.005
 
 
+@pytest.mark.long
 def test_a_fine_mesh_of_an_ellipsoid_carries_a_pad_as_the_ellipsoid_does():
     """The mesh is of the upper part alone, as fine as 60 rings of 120 corners over the whole."""
     polar, around = np.meshgrid(np.linspace(0, np.pi / 3, 21), np.linspace(0, 2 * np.pi, 121)[:-1])

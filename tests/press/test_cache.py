@@ -49,12 +49,17 @@ def test_a_damaged_file_is_made_again(own_cache, damage):
     [
         level_scan(letters=("E", "I"), seed=1),
         level_scan(letters=("E", "I"), press=level_press(force=1.0)),
-        level_scan(letters=("E", "I"), rounding=0.2, placement_mm=0, placement_rad=0),
     ],
 )
 def test_what_changes_a_reading_changes_the_key(other):
     scan_letters(OPTIONS)
     assert scan_letters(other)[1]["skipped"]["cached"] == 0
+
+
+def test_another_shape_at_the_same_poses_has_another_key():
+    exact = {"placement_mm": 0, "placement_rad": 0, "test_poses": "same"}
+    scan_letters(level_scan(letters=("E",), **exact))
+    assert scan_letters(level_scan(letters=("I",), **exact))[1]["skipped"]["cached"] == 0
 
 
 def test_noise_is_no_reason_to_press_again():
