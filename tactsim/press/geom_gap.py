@@ -130,13 +130,12 @@ def _hull(model: mujoco.MjModel, mesh: int) -> FloatArray:
     vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(float) * _MM
     hull = ConvexHull(vertices)
     _, first, face = np.unique(hull.equations.round(9), axis=0, return_index=True, return_inverse=True)
-    faces = []
-    for number, simplex in enumerate(first):  # a flat side is many triangles
-        corners = vertices[hull.simplices[face.ravel() == number]].reshape(-1, 3)
-        middle = corners.mean(axis=0)
-        normal, offset = hull.equations[simplex, :3], -hull.equations[simplex, 3]
-        faces.append([*normal, offset, *middle, np.sqrt(((corners - middle) ** 2).sum(axis=1).max())])
-    return np.array(faces)
+    face, corners = face.ravel(), vertices[hull.simplices]  # a flat side is many triangles
+    sums = [np.bincount(face, corners[..., k].mean(axis=1)) for k in range(3)]
+    middles = np.stack(sums, axis=1) / np.bincount(face)[:, None]
+    radii = np.zeros(len(first))
+    np.maximum.at(radii, face, np.linalg.norm(corners - middles[face, None], axis=2).max(axis=1))
+    return np.column_stack([hull.equations[first, :3], -hull.equations[first, 3], middles, radii])
 
 
 Vector = tuple[float, float, float]
@@ -193,30 +192,36 @@ def seen(lines: Lines, i: int, geom: int, pose: Pose) -> tuple[Vector, Vector]:
     return turned(pose.rotations, geom, (x, y, z)), turned(pose.rotations, geom, way)
 
 
-@compiled(types.Tuple((REALS_2D, REALS))(BODY, int64, POSE, REALS_2D), called_from_python=False)
-def near(body: Body, geom: int, pose: Pose, points: Reals) -> tuple[Reals, Reals]:
+@compiled(REALS(REALS_2D), ordered=False)
+def ball_around(points: Reals) -> Reals:
+    """Give the middle of points (n, 3) mm, and how far the farthest is from it: (4,) mm."""
+    x = y = z = spread = 0.0
+    for i in range(len(points)):
+        x, y, z = x + points[i, 0], y + points[i, 1], z + points[i, 2]
+    x, y, z = x / len(points), y / len(points), z / len(points)
+    for i in range(len(points)):
+        apart = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2 + (points[i, 2] - z) ** 2
+        spread = max(spread, apart)
+    return np.array([x, y, z, math.sqrt(spread)])
+
+
+@compiled(types.Tuple((REALS_2D, REALS))(BODY, int64, POSE, REALS), called_from_python=False)
+def near(body: Body, geom: int, pose: Pose, ball: Reals) -> tuple[Reals, Reals]:
     """Put the faces of a geom before the pad: normals (3, f) and offsets (f,) mm in its frame.
 
-    Faces that are further from points (n, 3) mm than the geom is, by more than the points' spread, are left out. Those
-    that are left rise above the points in all directions by that spread, far more than a layer gives way.
+    ball: (4,) mm, as `ball_around` gives it of points. Faces that are further from them than the geom is, by more than
+    the points' spread, are left out. Those that are left rise above the points in all directions by that spread, far
+    more than a layer gives way.
     """
-    first, last = body.first[geom], body.first[geom + 1]
-    middle, spread = np.zeros(3), 0.0
-    for i in range(len(points)):
-        for k in range(3):
-            middle[k] += points[i, k] / len(points)
-    for i in range(len(points)):
-        x, y, z = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
-        spread = max(spread, x * x + y * y + z * z)
-    middle -= pose.positions[geom]
-    x, y, z = turned(pose.rotations, geom, (middle[0], middle[1], middle[2]))
+    first, last, place = body.first[geom], body.first[geom + 1], pose.positions[geom]
+    x, y, z = turned(pose.rotations, geom, (ball[0] - place[0], ball[1] - place[1], ball[2] - place[2]))
     away = np.empty(last - first)
     for face in range(first, last):
         apart = (
             (body.balls[face, 0] - x) ** 2 + (body.balls[face, 1] - y) ** 2 + (body.balls[face, 2] - z) ** 2
         )
         away[face - first] = math.sqrt(apart) - body.balls[face, 3]
-    limit = max(away.min(), 0.0) + 1.5 * math.sqrt(spread)
+    limit = max(away.min(), 0.0) + 1.5 * ball[3]
     count = int(np.count_nonzero(away <= limit))
     normals, offsets = np.zeros((3, count)), np.empty(count)
     count = 0
@@ -231,15 +236,17 @@ def near(body: Body, geom: int, pose: Pose, points: Reals) -> tuple[Reals, Reals
     return normals, offsets
 
 
-@compiled(void(BODY, int64, POSE, LINES, REALS, REALS, REALS_2D))
-def measure(body: Body, geom: int, pose: Pose, lines: Lines, gap: Reals, share: Reals, shift: Reals) -> None:
-    """Measure from each of n points of a surface along its normal to where a geom begins.
+@compiled(void(BODY, int64, POSE, LINES, REALS, REALS, REALS, REALS_2D))
+def measure(
+    body: Body, geom: int, pose: Pose, lines: Lines, ball: Reals, gap: Reals, share: Reals, shift: Reals
+) -> None:
+    """Measure from each of n points of a surface, which `ball` (4,) mm holds, along its normal to where a geom begins.
 
     Fills gap (n,) mm, infinite where the line misses the geom, and share (n,) and shift (2, n) as in `Cover`.
     """
     kind = body.kind[geom]
     if kind == _FACETED:
-        normals, offsets = near(body, geom, pose, lines.points)
+        normals, offsets = near(body, geom, pose, ball)
         enter(normals, offsets, lines, np.empty(0), gap, share, shift)
         return
     half = (body.size[geom, 0], body.size[geom, 1], body.size[geom, 2])
@@ -293,8 +300,9 @@ def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
     """
     geoms, cells = len(body.kind), len(lines.points)
     gap, share, shift = np.empty((geoms, cells)), np.empty((geoms, cells)), np.empty((geoms, 2, cells))
+    ball = ball_around(lines.points)
     for geom in range(geoms):
-        measure(body, geom, pose, lines, gap[geom], share[geom], shift[geom])
+        measure(body, geom, pose, lines, ball, gap[geom], share[geom], shift[geom])
         for cell in range(cells):
             if not -depth < gap[geom, cell] < np.inf:
                 share[geom, cell] = 0.0

@@ -15,7 +15,7 @@ from tactsim.press.pad_surface import LINES, Lines
 class Carried(NamedTuple):
     """What a layer carries on a lattice of cells.
 
-    forces: (rows, columns) N along the load, evenly on the covered part of each cell. shift: (2, cells) or (2, 1), in
+    forces: (columns, rows) N along the load, evenly on the covered part of each cell. shift: (2, cells) or (2, 1), in
     cells along u and v from the cell's middle to that of the covered part. u: (columns + 1,), v: (rows + 1,) mm, edges.
     """
 
@@ -46,6 +46,7 @@ _ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
 _SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
 _LEAST = 1e-9  # of a cell: less than this is not covered
 _NARROW = 1e-4  # of a cell, to which forces are spread at least
+_BLOCK = 512  # lines at a time
 _FAR = 8.0  # standard deviations of the point spread, beyond which it is less than what a double resolves
 
 
@@ -157,6 +158,38 @@ def between(normals: Reals, face: int, other: int) -> float:
     return normals[0, face] * x + normals[1, face] * y + normals[2, face] * z
 
 
+@compiled(float64(REALS_2D, int64), called_from_python=False)
+def squared(vectors: Reals, i: int) -> float:
+    """Give the squared length of a vector of (n, 3)."""
+    return vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2
+
+
+@compiled(void(REALS_2D, int64, REALS_2D, REALS), called_from_python=False)
+def project(normals: Reals, face: int, vectors: Reals, parts: Reals) -> None:
+    """Fill parts (k,) with those along a normal of (3, f) of vectors (3, k)."""
+    x, y, z = normals[0, face], normals[1, face], normals[2, face]
+    along_x, along_y, along_z = vectors[0], vectors[1], vectors[2]
+    for i in range(len(parts)):
+        parts[i] = x * along_x[i] + y * along_y[i] + z * along_z[i]
+
+
+@compiled(void(REALS_2D, REALS_2D), called_from_python=False)
+def columns(vectors: Reals, parts: Reals) -> None:
+    """Put n vectors (n, 3) into the first n columns of parts (3, m)."""
+    for i in range(len(vectors)):
+        for k in range(3):
+            parts[k, i] = vectors[i, k]
+
+
+@compiled(types.UniTuple(float64, 2)(REALS), ordered=False, called_from_python=False)
+def ends(values: Reals) -> tuple[float, float]:
+    """Give the least and the largest of n values."""
+    low, high = np.inf, -np.inf
+    for i in range(len(values)):
+        low, high = min(low, values[i]), max(high, values[i])
+    return low, high
+
+
 @compiled(void(REALS_2D, REALS, LINES, REALS, REALS, REALS, REALS_2D), called_from_python=False)
 def enter(
     normals: Reals, offsets: Reals, lines: Lines, before: Reals, gap: Reals, share: Reals, shift: Reals
@@ -168,69 +201,107 @@ def enter(
     """
     points, ways, span_u, span_v = lines.points, lines.normals, lines.span_u, lines.span_v
     faces, own, bounded = len(offsets), len(ways) > 1, len(before) > 0
-    rate, height = np.empty(faces), np.empty(faces)
-    lowest, highest = np.full(faces, np.inf), np.full(faces, -np.inf)
-    for line in range(len(ways)):
-        for face in range(faces):
-            rate[face] = along(normals, face, ways, line)
-            lowest[face] = min(lowest[face], rate[face])
-            highest[face] = max(highest[face], rate[face])
+    lowest, highest = np.empty(faces), np.empty(faces)
+    way, rates = np.empty((3, len(ways))), np.empty(len(ways))
+    columns(ways, way)
+    for face in range(faces):
+        project(normals, face, way, rates)
+        lowest[face], highest[face] = ends(rates)
     limit = -STEEP if bounded or lowest.min() < -STEEP else -SMALL
     wall = (highest >= limit) & (lowest < 1 - SMALL)
-    for i in range(len(points)):
-        line = i if own else 0
+    share[:] = 1.0
+    shift[:] = 0.0
+    # The inner loops are over lines, some at once, of which a block stays in the nearest cache.
+    at = np.empty((3, _BLOCK))
+    rates, heights, outsides = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    lasts, worsts = np.empty(_BLOCK, dtype=np.int64), np.empty(_BLOCK, dtype=np.int64)
+    for start in range(0, len(points), _BLOCK):
+        size = min(_BLOCK, len(points) - start)
+        rate, height, most = rates[:size], heights[:size], outsides[:size]
+        last, worst, entry = lasts[:size], worsts[:size], gap[start : start + size]
+        last[:] = worst[:] = -1
+        entry[:] = most[:] = -np.inf
+        columns(points[start : start + size], at)
         if own:
-            for face in range(faces):
-                rate[face] = along(normals, face, ways, i)
+            columns(ways[start : start + size], way)
         for face in range(faces):
-            height[face] = along(normals, face, points, i) - offsets[face]
-        last, entry = -1, -np.inf
-        for face in range(faces):
-            if rate[face] < limit and height[face] > -entry * rate[face]:
-                last, entry = face, -height[face] / rate[face]
-        gap[i] = max(entry, before[i]) if bounded else entry
-        share[i], shift[0, i], shift[1, i] = 1.0, 0.0, 0.0
-        if not np.isfinite(gap[i]):
-            continue
-        worst, most = -1, -np.inf
-        for face in range(faces):
-            if wall[face] and rate[face] >= limit:
-                outside = gap[i] * rate[face] + height[face]
-                steep = math.sqrt(max(1 - rate[face] * rate[face], SMALL))
-                if outside > most * steep:
-                    worst, most = face, outside / steep
-        if worst < 0:
-            continue
-        steep = math.sqrt(max(1 - rate[worst] * rate[worst], SMALL))
-        share[i], shift[0, i], shift[1, i] = cut(
-            most, along(normals, worst, span_u, line) / steep, along(normals, worst, span_v, line) / steep
-        )
-        if not 0 < share[i] < 1:
-            continue
-        # A second wall, across the first one (a corner) or behind it (a blade).
-        second, most = -1, -np.inf
-        for face in range(faces):
-            if wall[face] and rate[face] >= limit and between(normals, worst, face) < _ALIKE:
-                outside = gap[i] * rate[face] + height[face]
-                steep = math.sqrt(max(1 - rate[face] * rate[face], SMALL))
-                if outside > most * steep:
-                    second, most = face, outside / steep
-        if second >= 0:
-            steep = math.sqrt(max(1 - rate[second] * rate[second], SMALL))
-            further, moved_u, moved_v = cut(
-                most,
-                along(normals, second, span_u, line) / steep,
-                along(normals, second, span_v, line) / steep,
-            )
-            if between(normals, worst, second) < -_ALIKE:
-                share[i] = max(share[i] + further - 1, 0.0)
+            if lowest[face] >= limit:
+                continue
+            offset = offsets[face]
+            project(normals, face, at, height)
+            if own:
+                project(normals, face, way, rate)
             else:
-                share[i] *= further
-            shift[0, i] += moved_u
-            shift[1, i] += moved_v
-        if not bounded:  # the gap in the middle of the covered part
-            slope_u, slope_v = along(normals, last, span_u, line), along(normals, last, span_v, line)
-            gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / rate[last]
+                rate[:] = lowest[face]
+            for i in range(size):
+                ahead = (offset - height[i]) / rate[i]
+                later = (rate[i] < limit) & (ahead > entry[i])
+                entry[i] = ahead if later else entry[i]
+                last[i] = face if later else last[i]
+        if bounded:
+            entry[:] = np.maximum(entry, before[start : start + size])
+        for face in range(faces):
+            if not wall[face]:
+                continue
+            offset = offsets[face]
+            project(normals, face, at, height)
+            if own:
+                project(normals, face, way, rate)
+            else:
+                rate[:] = lowest[face]
+            for i in range(size):
+                outside = entry[i] * rate[i] + height[i] - offset
+                outside /= math.sqrt(max(1 - rate[i] * rate[i], SMALL))
+                farther = (rate[i] >= limit) & (outside > most[i])
+                most[i] = outside if farther else most[i]
+                worst[i] = face if farther else worst[i]
+        for k in range(size):
+            i, first = start + k, worst[k]
+            line = i if own else 0
+            if first < 0 or not np.isfinite(gap[i]):
+                continue
+            # A wall farther from the cell's middle than its corners does not cross it.
+            if 2 * most[k] * most[k] >= squared(span_u, line) + squared(span_v, line):
+                share[i] = 1.0 if most[k] < 0 else 0.0
+                continue
+            part = along(normals, first, ways, line)
+            steep = math.sqrt(max(1 - part * part, SMALL))
+            share[i], shift[0, i], shift[1, i] = cut(
+                most[k],
+                along(normals, first, span_u, line) / steep,
+                along(normals, first, span_v, line) / steep,
+            )
+            if not 0 < share[i] < 1:
+                continue
+            # A second wall, across the first one (a corner) or behind it (a blade).
+            second, farthest = -1, -np.inf
+            for face in range(faces):
+                part = along(normals, face, ways, line)
+                if wall[face] and part >= limit and between(normals, first, face) < _ALIKE:
+                    outside = gap[i] * part + along(normals, face, points, i) - offsets[face]
+                    outside /= math.sqrt(max(1 - part * part, SMALL))
+                    if outside > farthest:
+                        second, farthest = face, outside
+            if second >= 0:
+                part = along(normals, second, ways, line)
+                steep = math.sqrt(max(1 - part * part, SMALL))
+                further, moved_u, moved_v = cut(
+                    farthest,
+                    along(normals, second, span_u, line) / steep,
+                    along(normals, second, span_v, line) / steep,
+                )
+                if between(normals, first, second) < -_ALIKE:
+                    share[i] = max(share[i] + further - 1, 0.0)
+                else:
+                    share[i] *= further
+                shift[0, i] += moved_u
+                shift[1, i] += moved_v
+            if not bounded:  # the gap in the middle of the covered part
+                slope_u = along(normals, last[k], span_u, line)
+                slope_v = along(normals, last[k], span_v, line)
+                gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / along(
+                    normals, last[k], ways, line
+                )
 
 
 @compiled(float64(float64, float64), called_from_python=False)
@@ -251,9 +322,12 @@ def reach(at: float, bounds: Reals, taxels: Reals, sigma: float, felt: Reals) ->
     at: mm. bounds: (2,) mm, of the pad. taxels: (taxels, 2) mm. sigma: mm. felt: (taxels,). What lies before the pad's
     beginning is not felt either: that is left to the caller, who takes the difference of two ends.
     """
-    at = min(max(at, bounds[0]), bounds[1])
+    at, end, beyond = min(max(at, bounds[0]), bounds[1]), np.inf, 0.0
     for taxel in range(len(taxels)):
-        felt[taxel] = passed(at - taxels[taxel, 0], sigma) - passed(at - taxels[taxel, 1], sigma)
+        low, high = taxels[taxel, 0], taxels[taxel, 1]
+        before = beyond if low == end else passed(at - low, sigma)  # neighbours without a gap share an edge
+        end, beyond = high, passed(at - high, sigma)
+        felt[taxel] = before - beyond
 
 
 @compiled(
@@ -315,11 +389,11 @@ def spread_forces(carried: Carried, taxels: Taxels, image: Reals) -> float:
     for row in range(up):
         on_v[row] = feel(v, reached_v, row, 0.0, bounds_v, rows, sigma, spare_v, whole_v[row])
     inside = 0.0
-    strip = np.empty(len(columns))
-    for row in range(up):
+    strip = np.empty(len(rows))
+    for column in range(across):
         strip[:] = 0.0
-        for column in range(across):
-            force, cell = forces[row, column], row * across + column
+        for row in range(up):
+            force, cell = forces[column, row], column * up + row
             if force == 0:
                 continue
             if some and (shift[0, cell] != 0 or shift[1, cell] != 0):
@@ -331,9 +405,9 @@ def spread_forces(carried: Carried, taxels: Taxels, image: Reals) -> float:
                         image[i, j] += force * felt_v[i] * felt_u[j]
             else:
                 inside += force * on_u[column] * on_v[row]
-                for j in range(len(columns)):
-                    strip[j] += force * whole_u[column, j]
+                for i in range(len(rows)):
+                    strip[i] += force * whole_v[row, i]
         for i in range(len(rows)):
             for j in range(len(columns)):
-                image[i, j] += whole_v[row, i] * strip[j]
+                image[i, j] += strip[i] * whole_u[column, j]
     return inside

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import boolean, float64, int64, types
+from numpy.typing import NDArray
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
 from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
 from tactsim.press.layer_balance import approach, balance
 from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
@@ -56,6 +57,31 @@ class Load(NamedTuple):
     spreads: Reals
 
 
+class Contacts(NamedTuple):
+    """The k contacts of a rigid body on a pad, in the pad's frame, and how each of n joints turns the body on it.
+
+    forces: (k,) N. pushes: (k, 3) N, the same as vectors from the pad. points: (k, 3) mm. turning: (n, 3) rad a unit.
+    """
+
+    forces: Reals
+    pushes: Reals
+    points: Reals
+    turning: Reals
+
+
+class Frames(NamedTuple):
+    """Where p geoms are: their numbers (p,), and of each geom of the model rotations (g, 9) and positions (g, 3) m.
+
+    rotation: (3, 3) and origin: (3,) m, the frame of the pad.
+    """
+
+    geoms: Ints
+    rotations: Reals
+    positions: Reals
+    rotation: Reals
+    origin: Reals
+
+
 class Springs(NamedTuple):
     """What lies on the surface: N/mm^3, and the pitches of the taxels along u and v, (2,) mm."""
 
@@ -65,6 +91,8 @@ class Springs(NamedTuple):
 
 LOAD = types.NamedTuple((float64, REALS, REALS_2D, REALS, REALS_2D, REALS), Load)
 SPRINGS = types.NamedTuple((float64, REALS), Springs)
+CONTACTS = types.NamedTuple((REALS, REALS_2D, REALS_2D, REALS_2D), Contacts)
+FRAMES = types.NamedTuple((INTS, REALS_2D, REALS_2D, REALS_2D, REALS), Frames)
 
 
 @compiled(REALS(REALS_2D, REALS_2D), called_from_python=False)
@@ -88,16 +116,14 @@ def uncorrelate(axes: Reals, rows: Reals) -> Reals:
     return np.sqrt(squares[:2])
 
 
-@compiled(LOAD(REALS, REALS_2D, REALS_2D, REALS_2D))
-def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load:
+@compiled(LOAD(CONTACTS), called_from_python=False)
+def load_of(contacts: Contacts) -> Load:
     """Add up the contacts of a body.
-
-    forces: (k,) N. pushes: (k, 3) N, the same as vectors from the pad. points: (k, 3) mm. turning: (n, 3) rad, how a
-    unit of each of n joints turns the body on the pad.
 
     Where joints let the body turn, the balance of moments alone says where the load is centred, and MuJoCo keeps that
     balance, if contact points lie on both sides. Where joints hold it, its centre is that of MuJoCo's few points.
     """
+    forces, pushes, points, turning = contacts
     direction, centre, force = np.zeros(3), np.zeros(3), forces.sum()
     for i in range(len(forces)):
         for k in range(3):
@@ -122,25 +148,78 @@ def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load
     return Load(force, direction, points, centre, axes, spreads)
 
 
-@compiled(types.UniTuple(REALS_2D, 3)(REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS))
+@compiled(types.UniTuple(REALS_2D, 3)(REALS_2D, REALS_2D, REALS_2D, types.boolean[::1], REALS_2D, REALS))
 def turn_contacts(
-    forces: Reals, frames: Reals, places: Reals, rotation: Reals, origin: Reals
+    forces: Reals, frames: Reals, places: Reals, ahead: NDArray[np.bool_], rotation: Reals, origin: Reals
 ) -> tuple[Reals, Reals, Reals]:
     """Turn k contacts into the pad's frame, which lies at rotation (3, 3) and origin (3,) m of the world's.
 
-    forces: (k, 6), as mj_contactForce gives them, on what touches the pad. frames (k, 9), places (k, 3) m. Returns
-    the normal forces from the pad (k, 3) N, the friction on the pad (k, 3) N and the points (k, 3) mm.
+    forces: (k, 6), as mj_contactForce gives them, on geom 2: that is what touches the pad where `ahead` (k,), else
+    geom 1 is. frames (k, 9), with the first axis from geom 1 to geom 2; places (k, 3) m. Returns the normal forces from
+    the pad (k, 3) N, the friction on the pad (k, 3) N and the points (k, 3) mm.
     """
     pushes, shears, points = np.zeros(places.shape), np.zeros(places.shape), np.zeros(places.shape)
     for i in range(len(places)):
+        sign = 1.0 if ahead[i] else -1.0
         for k in range(3):
             for j in range(3):
-                pushes[i, k] += forces[i, 0] * frames[i, j] * rotation[j, k]
-                shears[i, k] -= (
-                    forces[i, 1] * frames[i, 3 + j] + forces[i, 2] * frames[i, 6 + j]
-                ) * rotation[j, k]
+                turn = sign * rotation[j, k]
+                pushes[i, k] += forces[i, 0] * frames[i, j] * turn
+                shears[i, k] -= (forces[i, 1] * frames[i, 3 + j] + forces[i, 2] * frames[i, 6 + j]) * turn
                 points[i, k] += _MM * (places[i, j] - origin[j]) * rotation[j, k]
     return pushes, shears, points
+
+
+@compiled(INTS(REALS, REALS_2D, INTS, INTS))
+def group_contacts(forces: Reals, pushes: Reals, geoms: Ints, bodies: Ints) -> Ints:
+    """Put those of k contacts together that one body makes in about one direction: the number of each's group, (k,).
+
+    forces (k,) N and pushes (k, 3) N as in `Contacts`; geoms, bodies: (k,), what touches. The geoms of a body come by
+    the force that they carry, and each goes to the first group that has its direction.
+    """
+    count, known = len(geoms), 0
+    groups, first, ways = np.full(count, -1), np.empty(count, dtype=np.int64), np.zeros((count, 3))
+    while True:
+        most, heaviest = 0.0, -1
+        for i in range(count):
+            if groups[i] < 0:
+                total = forces[geoms == geoms[i]].sum()
+                if total > most:
+                    most, heaviest = total, i
+        if heaviest < 0:
+            return groups
+        for i in range(count):
+            if geoms[i] == geoms[heaviest]:
+                ways[known] += pushes[i]
+        ways[known] /= math.sqrt((ways[known] ** 2).sum())
+        group = 0
+        while group < known and (
+            bodies[first[group]] != bodies[heaviest] or dot(ways, group, ways, known) <= _FACING
+        ):
+            group += 1
+        groups[geoms == geoms[heaviest]] = group
+        if group == known:
+            first[known] = heaviest
+            known += 1
+        else:
+            ways[known] = 0.0
+
+
+@compiled(POSE(FRAMES), called_from_python=False)
+def pose_of(frames: Frames) -> Pose:
+    """Put the frames of geoms into the pad's."""
+    count = len(frames.geoms)
+    rotations, positions = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    for number in range(count):
+        geom = frames.geoms[number]
+        for i in range(3):
+            for k in range(3):
+                positions[number, i] += (
+                    _MM * frames.rotation[k, i] * (frames.positions[geom, k] - frames.origin[k])
+                )
+                for j in range(3):
+                    rotations[number, i, j] += frames.rotation[k, i] * frames.rotations[geom, 3 * k + j]
+    return Pose(rotations, positions)
 
 
 @compiled(POSE(POSE, LOAD, float64, REALS), called_from_python=False)
@@ -182,8 +261,10 @@ def press_cells(
     columns, rows = len(u) - 1, len(v) - 1
     cells, du, dv = rows * columns, u[1] - u[0], v[1] - v[0]
     at_u, at_v = np.empty(cells), np.empty(cells)
-    for cell in range(cells):
-        at_u[cell], at_v[cell] = u[cell % columns] + du / 2, v[cell // columns] + dv / 2
+    for column in range(columns):
+        for row in range(rows):
+            cell = column * rows + row
+            at_u[cell], at_v[cell] = u[column] + du / 2, v[row] + dv / 2
     lines = lay_lines(face, at_u, at_v, du, dv)
     cover = union_gaps(body, pose, lines, face.depth + sunk)
     met, gap, shift = cover.cell, cover.gap, cover.shift
@@ -210,7 +291,7 @@ def press_cells(
             basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
     forces, moved = np.zeros(cells), np.zeros((2, cells))
     if weight.sum() == 0:
-        return Carried(forces.reshape(rows, columns), moved, u, v), pose, sunk, 0.0
+        return Carried(forces.reshape(columns, rows), moved, u, v), pose, sunk, 0.0
     motion = balance(gap, weight, basis, load.force)
     for i in range(len(met)):
         depth = -gap[i]
@@ -226,7 +307,7 @@ def press_cells(
     for j in range(len(turns)):
         turn += motion[1 + j] * turns[j]
     return (
-        Carried(forces.reshape(rows, columns), moved, u, v),
+        Carried(forces.reshape(columns, rows), moved, u, v),
         sunken(pose, load, motion[0], turn),
         sunk + motion[0],
         approach(gap, weight, basis[0], load.force),
@@ -287,7 +368,7 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
         first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
         for row in range(_SEARCH):
             for column in range(_SEARCH):
-                if carried.forces[row, column] != 0:
+                if carried.forces[column, row] != 0:
                     first[0], last[0] = min(first[0], column), max(last[0], column)
                     first[1], last[1] = min(first[1], row), max(last[1], row)
         if last[0] < 0:  # too small to be seen
@@ -323,13 +404,13 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
     return carried, 0.0
 
 
-@compiled(types.UniTuple(float64, 2)(FACE, SPRINGS, BODY, POSE, LOAD, TAXELS, REALS_2D))
+@compiled(types.UniTuple(float64, 2)(FACE, SPRINGS, TAXELS, BODY, FRAMES, CONTACTS, REALS_2D))
 def press(
-    face: Face, springs: Springs, body: Body, pose: Pose, load: Load, taxels: Taxels, image: Reals
+    face: Face, springs: Springs, taxels: Taxels, body: Body, frames: Frames, contacts: Contacts, image: Reals
 ) -> tuple[float, float]:
     """Let the layer carry a load, and the taxels feel it: adds N to image (rows, columns).
 
     Returns the force on the pad, N, and how far the layer gives way, mm.
     """
-    carried, sunk = carry(face, springs, body, pose, load)
+    carried, sunk = carry(face, springs, body, pose_of(frames), load_of(contacts))
     return spread_forces(carried, taxels, image), sunk

@@ -10,6 +10,7 @@ kPa of it.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,18 +21,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.core.compiling import Ints
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, Pose, body_of
+from tactsim.press.geom_gap import Body, body_of
 from tactsim.press.pad_kernels import Taxels
-from tactsim.press.pad_press import Load, Springs, load_of, press, turn_contacts
+from tactsim.press.pad_press import Contacts, Frames, Springs, group_contacts, press, turn_contacts
 from tactsim.press.pad_surface import PadSurface
 
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
-_FACING = (
-    0.7  # a contact whose normal has a smaller part along the pad's is at the geom's rim or on another face
-)
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _HELD = np.zeros((1, 3))  # how joints turn a body that they hold
 
@@ -65,13 +64,13 @@ class PadReading:
 class _Load(NamedTuple):
     """What one rigid body does to the pad's geoms in about one direction.
 
-    body: its number. geoms: those that touch. shear: (3,) N, the friction, in the pad's frame. press: its normal force.
+    body: its number. geoms: those that touch. shear: (3,) N, the friction, in the pad's frame.
     """
 
     body: int
-    geoms: list[int]
+    geoms: set[int]
     shear: FloatArray
-    press: Load
+    contacts: Contacts
 
 
 class PadReader:
@@ -95,7 +94,7 @@ class PadReader:
             columns, rows, np.array([[x_low, x_high], [y_low, y_high]]), float(layer.psf_sigma)
         )
         self._area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
-        self._bodies: dict[tuple[int, ...], Body] = {}
+        self._bodies: dict[tuple[int, ...], tuple[Body, Ints]] = {}
         self._last: WeakKeyDictionary[mujoco.MjData, tuple[float, dict[int, list[PadReading]]]]
         self._last = WeakKeyDictionary()
         self._warned = False
@@ -104,10 +103,9 @@ class PadReader:
         felt = touchable(model, self.geoms)
         reach = surface.high - surface.low
         self._reach = np.sqrt(reach @ reach) / _MM  # m from the pad's middle
-        self._felt_geoms = [
-            np.flatnonzero(felt & (model.body_weldid[model.geom_bodyid] == body)).tolist()
-            for body in range(model.nbody)
-        ]
+        self._radii = model.geom_rbound.tolist()
+        self._body_of = model.body_weldid[model.geom_bodyid].astype(np.int64)
+        self._felt_geoms = [np.flatnonzero(felt & (self._body_of == body)) for body in range(model.nbody)]
 
     @property
     def geom(self) -> int:
@@ -117,7 +115,7 @@ class PadReader:
     def read(self, data: mujoco.MjData) -> PadReading:
         """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward."""
         contact = data.contact
-        touching = np.flatnonzero(self._own[contact.geom1] != self._own[contact.geom2])
+        (touching,) = (self._own[contact.geom1] != self._own[contact.geom2]).nonzero()
         rotation, origin = self.frame(data)
         loads = self._loads(data, touching, rotation, origin) if len(touching) else []
         felt: dict[int, list[PadReading]] = {}
@@ -166,51 +164,38 @@ class PadReader:
     ) -> list[_Load]:
         """Add up what the geoms of one rigid body do in about one direction, by the contacts `index`."""
         contact = data.contact
-        first, second = contact.geom1, contact.geom2
         forces = np.empty((len(index), 6))
         for row, number in enumerate(index.tolist()):
             mujoco.mj_contactForce(self.model, data, number, forces[row])
-        pushing = forces[:, 0] > 0
-        if not pushing.any():
+        (pushing,) = (forces[:, 0] > 0).nonzero()
+        if not len(pushing):
             return []
         index, forces = index[pushing], forces[pushing]
-        normal = forces[:, 0].copy()
-        # The contact's frame has its normal from geom 1 to geom 2, and the force is that on geom 2.
-        ahead = self._own[first[index]]
-        forces[~ahead] *= -1
+        normal, first = forces[:, 0].copy(), contact.geom1[index]
+        ahead = self._own[first]
         pushes, shears, points = turn_contacts(
-            forces, contact.frame[index], contact.pos[index], rotation, origin
+            forces, contact.frame[index], contact.pos[index], ahead, rotation, origin
         )
-        touches: dict[int, list[int]] = {}
-        for row, geom in enumerate(np.where(ahead, second[index], first[index]).tolist()):
-            touches.setdefault(geom, []).append(row)
-        groups: list[tuple[int, FloatArray, list[int], list[int]]] = []
-        for geom, rows in sorted(touches.items(), key=lambda touch: -normal[touch[1]].sum()):
-            body = int(self.model.body_weldid[self.model.geom_bodyid[geom]])
-            push = pushes[rows].sum(axis=0)
-            way = push / np.sqrt(push @ push)
-            for known, along, geoms, members in groups:
-                if known == body and along @ way > _FACING:
-                    geoms.append(geom)
-                    members.extend(rows)
-                    break
-            else:
-                groups.append((body, way, [geom], list(rows)))
+        geoms = np.where(ahead, contact.geom2[index], first).astype(np.int64)
+        bodies = self._body_of[geoms]
+        groups = group_contacts(normal, pushes, geoms, bodies)
         loads = []
-        for body, _, geoms, rows in groups:
+        for group in range(len(set(groups.tolist()))):
+            (rows,) = (groups == group).nonzero()
+            body = int(bodies[rows[0]])
             turning = self._turning(data, body, rotation) if len(rows) > 1 else _HELD
-            load = load_of(normal[rows], pushes[rows], points[rows], turning)
-            loads.append(_Load(body, geoms, shears[rows].sum(axis=0), load))
+            contacts = Contacts(normal[rows], pushes[rows], points[rows], turning)
+            loads.append(_Load(body, set(geoms[rows].tolist()), np.add.reduce(shears[rows]), contacts))
         return loads
 
     def _felt(
         self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
     ) -> PadReading:
         """Let the layer carry a load. No taxel feels one that acts on the geom beside the face."""
-        image, force = np.zeros((self.pad.rows, self.pad.columns)), load.press.force
-        body, pose = self._body(load, loads, data, rotation, origin)
-        face = self.surface.face
-        inside, sunk = press(face, self._springs, body, pose, load.press, self._taxels, image)
+        image, force = np.zeros((self.pad.rows, self.pad.columns)), sum(load.contacts.forces.tolist())
+        body, geoms = self._body(load, loads, data, origin)
+        face, frames = self.surface.face, Frames(geoms, data.geom_xmat, data.geom_xpos, rotation, origin)
+        inside, sunk = press(face, self._springs, self._taxels, body, frames, load.contacts, image)
         if sunk > face.depth and inside > force / 2 and not self._warned:
             self._warned = True
             warnings.warn(
@@ -221,7 +206,7 @@ class PadReader:
             )
         kpa = _KPA / self._area * np.maximum(image.ravel(), 0)
         shear_kpa = kpa[:, None] * (load.shear[:2] / force)
-        return PadReading(kpa, shear_kpa, force, force - inside, load.shear, len(load.press.points))
+        return PadReading(kpa, shear_kpa, force, force - inside, load.shear, len(load.contacts.points))
 
     def _turning(self, data: mujoco.MjData, body: int, rotation: FloatArray) -> FloatArray:
         """Tell how each joint turns a body on the pad: (joints, 3) rad a unit, in the pad's frame.
@@ -236,23 +221,19 @@ class PadReader:
         return (turns - own).T @ rotation
 
     def _body(
-        self, load: _Load, loads: list[_Load], data: mujoco.MjData, rotation: FloatArray, origin: FloatArray
-    ) -> tuple[Body, Pose]:
+        self, load: _Load, loads: list[_Load], data: mujoco.MjData, origin: FloatArray
+    ) -> tuple[Body, Ints]:
         """List the geoms of a load's body that may touch the face, but for those that touch it another way."""
         elsewhere = {geom for other in loads if other is not load for geom in other.geoms}
-        geoms = list(load.geoms)
-        for geom in self._felt_geoms[load.body]:
-            if geom in load.geoms or geom in elsewhere:
-                continue
-            radius, apart = self.model.geom_rbound[geom], data.geom_xpos[geom] - origin
-            if radius == 0 or radius >= np.sqrt(apart @ apart) - self._reach:
-                geoms.append(geom)
+        geoms, felt, middle = set(load.geoms), self._felt_geoms[load.body], origin.tolist()
+        for geom, place in zip(felt.tolist(), data.geom_xpos[felt].tolist(), strict=True):
+            radius = self._radii[geom]
+            if geom not in elsewhere and (radius == 0 or radius >= math.dist(place, middle) - self._reach):
+                geoms.add(geom)
         key = tuple(sorted(geoms))
         if key not in self._bodies:
-            self._bodies[key] = body_of(self.model, key)
-        geoms = list(key)
-        rotations = rotation.T @ data.geom_xmat[geoms].reshape(-1, 3, 3)
-        return self._bodies[key], Pose(rotations, (data.geom_xpos[geoms] - origin) @ rotation * _MM)
+            self._bodies[key] = body_of(self.model, key), np.array(key)
+        return self._bodies[key]
 
 
 def touchable(model: mujoco.MjModel, geoms: Sequence[int]) -> NDArray[np.bool_]:

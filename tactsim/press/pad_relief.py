@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, Pose, body_of, measure
+from tactsim.press.geom_gap import Body, Pose, ball_around, body_of, measure
 from tactsim.press.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes
 
 _MM = 1e3  # mm in a metre
@@ -96,7 +96,7 @@ def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> t
         for side, way in ((far, _DOWN), (-far, _UP)):
             points = np.stack([at_x, at_y, np.full(at_x.size, side)], 1)
             lines = Lines(points, way, _NO_WIDTH[:1], _NO_WIDTH[1:], np.ones(1))
-            measure(body, geom, pose, lines, gap, share, shift)
+            measure(body, geom, pose, lines, ball_around(points), gap, share, shift)
             ends.append(side + way[0, 2] * np.where(share > 0.5, gap, np.inf))
         met = np.isfinite(ends[0]) & np.isfinite(ends[1]) & (ends[0] > ends[1])
         top = np.where(met, np.maximum(top, ends[0]), top)

@@ -193,13 +193,16 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
     count = 1 if face.kind == FLAT else len(u)
     points, area = np.zeros((len(u), 3)), np.ones(len(u))
     normals, span_u, span_v = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+    before, sine, cosine = np.nan, 0.0, 1.0
     for i in range(len(u)):
         if face.kind == AROUND:
             radius, side = face.size[0], v[i] + face.size[2]
-            sine, cosine = math.sin(u[i] / radius), math.cos(u[i] / radius)
+            if u[i] != before:  # a lattice comes column by column
+                before, sine, cosine = u[i], math.sin(u[i] / radius), math.cos(u[i] / radius)
             over = max(abs(side) - face.size[1], 0.0) / radius
-            # On a round end the normal leans: so much along y, and so much across it.
-            up, out = math.copysign(math.sin(over), side), math.cos(over)
+            up, out = 0.0, 1.0
+            if over > 0:  # on a round end the normal leans: so much along y, and so much across it
+                up, out = math.copysign(math.sin(over), side), math.cos(over)
             points[i, 0], points[i, 1], points[i, 2] = radius * out * sine, v[i], radius * (out * cosine - 1)
             if over > 0:
                 points[i, 1] = math.copysign(face.size[1], side) + radius * up - face.size[2]
