@@ -215,12 +215,10 @@ def near(body: Body, geom: int, pose: Pose, ball: Reals) -> tuple[Reals, Reals]:
     """
     first, last, place = body.first[geom], body.first[geom + 1], pose.positions[geom]
     x, y, z = turned(pose.rotations, geom, (ball[0] - place[0], ball[1] - place[1], ball[2] - place[2]))
-    away = np.empty(last - first)
-    for face in range(first, last):
-        apart = (
-            (body.balls[face, 0] - x) ** 2 + (body.balls[face, 1] - y) ** 2 + (body.balls[face, 2] - z) ** 2
-        )
-        away[face - first] = math.sqrt(apart) - body.balls[face, 3]
+    balls, away = body.balls[first:last], np.empty(last - first)
+    for face in range(len(away)):
+        apart = (balls[face, 0] - x) ** 2 + (balls[face, 1] - y) ** 2 + (balls[face, 2] - z) ** 2
+        away[face] = math.sqrt(apart) - balls[face, 3]
     limit = max(away.min(), 0.0) + 1.5 * ball[3]
     count = int(np.count_nonzero(away <= limit))
     normals, offsets = np.zeros((3, count)), np.empty(count)

@@ -56,34 +56,34 @@ def solve(matrix: Reals, right: Reals) -> Reals:
 @compiled(float64(REALS, REALS, REALS, float64), called_from_python=False)
 def approach(gap: Reals, weight: Reals, facing: Reals, force: float) -> float:
     """Find how far a body sinks in without a turn, mm: exact, by steps from above, as the force is convex."""
-    touches = np.ones(len(gap), dtype=np.bool_)
-    touching = len(gap) + 1
+    touching, count = np.arange(len(gap)), len(gap)
     while True:
         stiffness, load = 0.0, force
-        for i in range(len(gap)):
-            if touches[i]:
-                stiffness += weight[i] * facing[i] * facing[i]
-                load += weight[i] * facing[i] * gap[i]
+        for i in touching[:count]:
+            stiffness += weight[i] * facing[i] * facing[i]
+            load += weight[i] * facing[i] * gap[i]
         depth, still = load / stiffness, 0
-        for i in range(len(gap)):
-            touches[i] = touches[i] and depth * facing[i] > gap[i]
-            still += touches[i]
-        if still == touching:
+        for i in touching[:count]:
+            if depth * facing[i] > gap[i]:
+                touching[still] = i
+                still += 1
+        if still == count:
             return depth
-        touching = still
+        count = still
 
 
-@compiled(REALS(REALS, REALS, REALS_2D, float64), called_from_python=False)
-def balance(gap: Reals, weight: Reals, basis: Reals, force: float) -> Reals:
+@compiled(REALS(REALS, REALS, REALS_2D, float64, float64), called_from_python=False)
+def balance(gap: Reals, weight: Reals, basis: Reals, force: float, straight: float) -> Reals:
     """Find the motion (m,) after which the layer carries a force, N.
 
     gap: (n,) mm between surface and body. weight: (n,) N/mm, stiffness times area of each point. basis: (m, n),
     what each motion adds to the depth: the first is the approach and above 0, the others turn the body about
     the point in which the force acts. The depth is then motion @ basis - gap, or 0 where that is less.
+    straight: mm, the approach without a turn, as `approach` finds it.
     """
     motions, points = basis.shape
     motion = np.zeros(motions)
-    motion[0] = approach(gap, weight, basis[0], force)
+    motion[0] = straight
     if motions == 1:
         return motion
     hold, slope, stiffness = np.zeros(motions), np.empty(motions), np.empty((motions, motions))

@@ -292,7 +292,8 @@ def press_cells(
     forces, moved = np.zeros(cells), np.zeros((2, cells))
     if weight.sum() == 0:
         return Carried(forces.reshape(columns, rows), moved, u, v), pose, sunk, 0.0
-    motion = balance(gap, weight, basis, load.force)
+    straight = approach(gap, weight, basis[0], load.force)
+    motion = balance(gap, weight, basis, load.force, straight)
     for i in range(len(met)):
         depth = -gap[i]
         for j in range(len(motion)):
@@ -310,7 +311,7 @@ def press_cells(
         Carried(forces.reshape(columns, rows), moved, u, v),
         sunken(pose, load, motion[0], turn),
         sunk + motion[0],
-        approach(gap, weight, basis[0], load.force),
+        straight,
     )
 
 

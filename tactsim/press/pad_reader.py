@@ -21,7 +21,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import Ints
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.geom_gap import Body, body_of
@@ -94,7 +93,7 @@ class PadReader:
             columns, rows, np.array([[x_low, x_high], [y_low, y_high]]), float(layer.psf_sigma)
         )
         self._area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
-        self._bodies: dict[tuple[int, ...], tuple[Body, Ints]] = {}
+        self._bodies: dict[tuple[int, ...], tuple[Body, NDArray[np.int64]]] = {}
         self._last: WeakKeyDictionary[mujoco.MjData, tuple[float, dict[int, list[PadReading]]]]
         self._last = WeakKeyDictionary()
         self._warned = False
@@ -222,7 +221,7 @@ class PadReader:
 
     def _body(
         self, load: _Load, loads: list[_Load], data: mujoco.MjData, origin: FloatArray
-    ) -> tuple[Body, Ints]:
+    ) -> tuple[Body, NDArray[np.int64]]:
         """List the geoms of a load's body that may touch the face, but for those that touch it another way."""
         elsewhere = {geom for other in loads if other is not load for geom in other.geoms}
         geoms, felt, middle = set(load.geoms), self._felt_geoms[load.body], origin.tolist()
