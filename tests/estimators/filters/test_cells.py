@@ -4,19 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial
 
 from tactsim.estimators.filters.cells import Cells, held, least_chosen
-from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.refined import RefinedFilter, RefinedOptions
 from tactsim.estimators.filters.states import Weights
 
 LETTERS = "EIL"
-
-
-@pytest.fixture(scope="module")
-def scan():
-    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=6))
 
 
 def halves(grid, times, cell):
@@ -90,20 +84,3 @@ def test_a_cell_holds_its_likelihood_times_its_volume():
     assert highest == pytest.approx(-volume)
     assert (times.tolist(), index.tolist()) == ([0, 2, 2], [3, 40, 41])
     assert log_weight == pytest.approx([-5 + volume, 0, -1.5])
-
-
-def test_cells_lie_where_the_grid_divided_as_often_has_its_bins():
-    grid = StateGrid(3, 4, 5, reach=7.0)
-    for times in range(3):
-        fine = StateGrid(3 << times, 4 << times, 5 << times, reach=7.0)
-        index = np.arange(2 * fine.bins)
-        cells = Cells(grid, np.full(len(index), times), index)
-        letter, angle, row, column = np.unravel_index(index, (2, fine.angle, fine.y, fine.x))
-        x, y, theta = fine.centres
-        assert (cells.letter == letter).all()
-        assert cells.states == pytest.approx(np.stack([x[column], y[row], theta[angle]]))
-        for inner, outer in zip((angle, row, column), cells.bins(), strict=True):
-            assert (inner >> times == outer).all()
-    mixed = Cells(grid, np.array([0, 2]), np.array([17, 3000]))
-    apart = [Cells(grid, np.array([times]), np.array([k])).states for times, k in ((0, 17), (2, 3000))]
-    assert mixed.states == pytest.approx(np.hstack(apart))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from synthetic import draw_trial, make_scan, paper_poses
 
-from tactsim.core import compose, invert, transform
-from tactsim.estimators import create
+from tactsim.core import compose, transform
 from tactsim.estimators.filters.open_set import Doubts
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
@@ -64,18 +63,3 @@ def test_information_is_what_changed_classes_would_say(model, doubts, scan):
     found = doubts.information("E", pose, weights, candidate)
     assert found[0] == pytest.approx(0.01 * min(divergence, -np.log(0.01)), abs=1e-6)
     assert found[1] == pytest.approx(0, abs=1e-6)
-
-
-def test_a_proposal_goes_where_an_unknown_object_may_differ(scan):
-    # T was not learned. The foot of I is where both are alike, and its top is where they are not.
-    estimator = create("refined", unknown=0.5, bins=1000)
-    estimator.fit(scan.untrained("T"))
-    estimator.reset(np.random.default_rng(0))
-    test = scan.where("test", "I")
-    robot_in_object = np.array([1.0, 0.5, 0.2])
-    poses = compose(invert(robot_in_object), test.poses)
-    foot = np.flatnonzero(test.poses[:, 1] < 0)[:20]
-    for i in foot:
-        estimator.update(test.readings[i], poses[i])
-    ends = np.array([[0.0, -9.0, 0.0], [0.0, 9.0, 0.0]])
-    assert estimator.propose(compose(invert(robot_in_object), ends)) == 1

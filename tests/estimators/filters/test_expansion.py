@@ -1,11 +1,10 @@
 """Readings expanded about states, against least squares and against differences."""
 
 import numpy as np
-from scipy.stats import multivariate_normal
 
 from tactsim.core import compose, invert
 from tactsim.core.forward import Linearised
-from tactsim.estimators.filters.expansion import expand, likeliest_press, log_gaussian
+from tactsim.estimators.filters.expansion import expand, likeliest_press
 
 
 def test_the_likeliest_press_is_the_ridge_regression():
@@ -56,21 +55,3 @@ def test_an_expansion_is_that_of_the_log_likelihood():
     np.testing.assert_allclose(
         np.linalg.det(information), np.linalg.det(by_pose @ np.linalg.solve(cov, by_pose.T)), rtol=1e-9
     )
-
-
-def test_the_gaussian_is_scipys_density_and_its_derivatives():
-    rng = np.random.default_rng(0)
-    n, taxels = 6, 9
-    for q in (0, 1, 5):
-        reading, mean = 5 * rng.standard_normal((2, taxels)), 5 * rng.standard_normal((n, taxels))
-        by_pose, nuisance = rng.standard_normal((n, 3, taxels)), rng.standard_normal((n, q, taxels))
-        log_p, gradient, information = log_gaussian(reading, np.arange(n) % 2, mean, by_pose, nuisance, 2.0)
-        for i in range(n):
-            covariance = 4 * np.eye(taxels) + nuisance[i].T @ nuisance[i]
-            away = reading[i % 2] - mean[i]
-            inverse = np.linalg.inv(covariance)
-            np.testing.assert_allclose(
-                log_p[i], multivariate_normal.logpdf(reading[i % 2], mean[i], covariance), rtol=1e-10
-            )
-            np.testing.assert_allclose(gradient[i], by_pose[i] @ inverse @ away, rtol=1e-9, atol=1e-12)
-            np.testing.assert_allclose(information[i], by_pose[i] @ inverse @ by_pose[i].T, rtol=1e-9)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import make_scan, paper_poses
+from synthetic import follow, make_scan, paper_poses
 
 from tactsim.core import invert
 from tactsim.estimators import create
@@ -29,33 +29,12 @@ def test_it_is_the_squared_covariance_of_place_and_log_p_in_units_of_the_varianc
     assert influence(log_p - 1e3, 7 * weight, place + 5) == pytest.approx(by_definition(log_p, weight, place))
 
 
-@pytest.mark.parametrize("readings", [2, 5, 20])
-def test_of_normal_densities_it_is_the_variance_of_their_places(readings):
-    # The belief is normal about the mean of the places, with the covariance over n; dense states stand for it.
-    rng = np.random.default_rng(readings)
-    spread = np.array([[0.5, 0.0], [0.2, 0.3]])
-    felt = rng.normal(size=(readings, 2)) @ spread.T * 1.7
-    axis = np.linspace(-6, 6, 121)
-    place = spread @ np.stack([one.ravel() for one in np.meshgrid(axis, axis)]) / math.sqrt(readings)
-    place += felt.mean(axis=0)[:, None]
-    precision = np.linalg.inv(spread @ spread.T)
-    away = place[None] - felt[:, :, None]
-    log_p = -np.einsum("rin,ij,rjn->rn", away, precision, away) / 2
-    total = log_p.sum(axis=0)
-    found = influence(log_p, np.exp(total - total.max()), place)
-    about = felt - felt.mean(axis=0)
-    variance = np.einsum("ri,ij,rj->", about, precision, about) / (2 * (readings - 1))
-    assert readings**2 / (readings - 1) * found == pytest.approx(variance, rel=1e-3)
-
-
 def test_at_states_it_is_that_of_what_the_field_says_there():
     scan = make_scan("EL", poses=paper_poses(3, 6))
     estimator = create("refined", bins=500, cell=0.8)
     estimator.fit(scan)
-    estimator.reset(np.random.default_rng(0))
     test = scan.where("test", "L")
-    for reading, pose in zip(test.readings[:6], test.poses[:6], strict=True):
-        estimator.update(reading, pose)
+    follow(estimator, test.readings[:6], test.poses[:6])
     field = estimator.field
     state = np.random.default_rng(2).normal(scale=[[2.0], [2.0], [1.0]], size=(3, 40))
     log_p = np.array([field.log_p(1, state, one, one + 1) for one in range(2, 6)])

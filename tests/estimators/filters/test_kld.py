@@ -19,18 +19,6 @@ def test_the_number_is_the_quantile_of_chi_squared(bins, certain):
     assert enough(bins, 0.05, stats.norm.ppf(certain)) == pytest.approx(exact, rel=0.02, abs=1)
 
 
-@pytest.mark.parametrize("bins", [6, 40])
-def test_the_divergence_of_so_many_draws_is_below_the_error_as_often_as_promised(bins):
-    rng = np.random.default_rng(bins)
-    p = rng.dirichlet(np.full(bins, 5.0))
-    share = rng.multinomial(enough(bins, 0.05, stats.norm.ppf(0.9)), p, size=20_000) / enough(
-        bins, 0.05, stats.norm.ppf(0.9)
-    )
-    divergence = np.sum(share * np.log(np.where(share > 0, share, 1) / p), axis=1)
-    # The bound itself is asymptotic: 90 %, within 2 %.
-    assert np.mean(divergence <= 0.05) == pytest.approx(0.9, abs=0.02)
-
-
 def test_bins_are_counted_once_each_and_close_around_the_circle():
     rng = np.random.default_rng(0)
     letter, state = rng.integers(0, 3, 4000), rng.uniform(-1, 1, (3, 4000)) * [[6.0], [6.0], [40.0]]
@@ -80,19 +68,3 @@ def test_bounds_on_the_number_are_kept(scan):
         assert {count for count, _ in list(particles(filter, readings, poses))[1:]} == {number}
     with pytest.raises(InputError, match="min_particles 500 is above particles 100"):
         estimators.create("particle", particles=100, kld_error=0.05)
-
-
-def test_without_an_error_the_number_is_fixed_and_may_be_below_the_fewest(scan):
-    filter = estimators.create("particle", particles=100)
-    filter.fit(scan)
-    readings, poses, _ = draw_trial(scan, "E", 3, np.random.default_rng(4))
-    assert {count for count, _ in particles(filter, readings, poses)} == {100}
-    assert "spared_by_kld" not in filter.work
-
-
-def test_objects_that_move_are_followed_with_as_many_as_needed(scan):
-    filter = estimators.create("particle", particles=3000, min_particles=50, kld_error=0.3, motion="auto")
-    filter.fit(scan)
-    readings, poses, _ = draw_trial(scan, "E", 8, np.random.default_rng(4))
-    assert list(particles(filter, readings, poses))[-1][0] < 3000
-    assert filter.estimate().label == "E"

@@ -51,24 +51,6 @@ def test_a_linear_mode_is_the_exact_posterior_wherever_it_is_expanded():
     )
 
 
-def test_an_even_prior_of_cells_gives_the_belief_of_a_dense_grid():
-    rng = np.random.default_rng(1)
-    a, b, z = linear(rng)
-    line = np.arange(-6, 7)
-    states = np.stack(np.meshgrid(line, line, line), axis=-1).reshape(-1, 3).astype(float)
-    modes = begun(states, sd=0.6)
-    modes = modes.with_reading(0, states, *expansion(a, b, z, states)).posterior(NO_FLOOR)
-    weight = np.exp(modes.log_weight - modes.log_weight.max())
-    precision = a.T @ a
-    mean = np.linalg.solve(precision, a.T @ (z - b))
-    np.testing.assert_allclose(weight @ modes.mean / weight.sum(), mean, atol=0.02)
-    spread = modes.mean - mean
-    cov = (
-        np.einsum("n,nij->ij", weight, modes.cov) + np.einsum("n,ni,nj->ij", weight, spread, spread)
-    ) / weight.sum()
-    np.testing.assert_allclose(cov, np.linalg.inv(precision), rtol=0.05, atol=0.005)
-
-
 def test_a_reading_that_nothing_explains_is_an_outlier_and_moves_nothing():
     rng = np.random.default_rng(2)
     a, b, z = linear(rng)
@@ -92,17 +74,6 @@ def test_modes_that_are_one_are_merged_and_keep_all_of_the_prior():
     np.testing.assert_allclose(merged.prior_mean[one], [0.25, 0, 0], atol=1e-12)
     np.testing.assert_allclose(np.diag(merged.prior_cov[one]), [1 + 0.0625, 1, 1])
     assert merged.log_prior[one] == pytest.approx(np.log(2))
-
-
-def test_beliefs_are_joined_whatever_the_order_of_their_readings():
-    at = np.zeros((1, 3))
-    first, second = (expansion(*linear(np.random.default_rng(seed)), at) for seed in (3, 4))
-    ours = begun(at).with_reading(0, at, *first).with_reading(1, at, *second)
-    theirs = begun(at).with_reading(1, at, *second).with_reading(0, at, *first)
-    joined = ours.joined(theirs).posterior(NO_FLOOR)
-    assert joined.number.tolist() == [0, 1]
-    np.testing.assert_array_equal(joined.log_p[0], joined.log_p[1])
-    assert joined.log_weight[0] == joined.log_weight[1]
 
 
 def test_the_sensor_moves_as_the_state_does():

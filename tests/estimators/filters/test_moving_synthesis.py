@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from synthetic import BarForward, make_scan, placement_error, pressures, square_pad
+from synthetic import BarForward, follow, make_scan, placement_error, pressures, square_pad
 
 from tactsim.bench.config import Slip
 from tactsim.core import compose, invert, transform
@@ -41,25 +41,8 @@ def sequence(count, slip, seed=0):
     return readings + 2 * rng.standard_normal(readings.shape), compose(invert(true), stated), true
 
 
-def follow(estimator, readings, poses):
-    estimator.reset(np.random.default_rng(0))
-    found = []
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-        found.append(estimator.estimate())
-    return found
-
-
 def away(estimate, true):
     return placement_error(estimate.robot_in_object, true, 1, 64.0)
-
-
-def test_zero_motion_is_the_static_estimator_to_the_bit():
-    readings, poses, _ = sequence(4, Slip())
-    off, zero = (follow(fitted(motion), readings, poses) for motion in ("off", "0,0"))
-    for one, other in zip(off, zero, strict=True):
-        assert one.probabilities == other.probabilities
-        assert one.robot_in_object.tobytes() == other.robot_in_object.tobytes()
 
 
 @pytest.mark.parametrize("motion", ["auto", "0.6,0.03"])

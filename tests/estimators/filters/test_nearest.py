@@ -48,18 +48,6 @@ def test_the_width_is_the_rms_distance_to_the_nearest_other_of_the_letter():
     assert started(scan, width=7.0).width == 7.0
 
 
-def test_a_remembered_reading_is_recognised_and_placed_at_once():
-    rng = np.random.default_rng(2)
-    readings, poses = rng.uniform(10, 90, (20, 2)), rng.uniform(-5, 5, (20, 3))
-    scan = scan_of(readings, list("ABCD" * 5), poses)
-    estimator = started(scan, width=0.1)
-    robot_in_object = np.array([3.0, -2.0, 0.5])
-    estimator.update(readings[6], compose(invert(robot_in_object), poses[6]))
-    estimate = estimator.estimate()
-    assert estimate.label == "C"
-    assert estimate.robot_in_object == pytest.approx(robot_in_object)
-
-
 def test_a_reading_beside_the_letter_does_not_say_where():
     scan = scan_of([[50, 20], [0, 0.2]], ["A", "A"], [[1, 2, 0.3], [9, 9, 0]])
     estimator = started(scan)
@@ -68,15 +56,3 @@ def test_a_reading_beside_the_letter_does_not_say_where():
     assert before == pytest.approx(compose([1, 2, 0.3], invert([4, 0, 0])))
     estimator.update([0, 0.1], [0, 5, 0])  # nearer to its training reading, in kPa, than the first to its own
     assert estimator.estimate().robot_in_object == pytest.approx(before)
-
-
-def test_readings_at_the_training_poses_are_remembered_and_others_are_not(vowels):
-    import tactsim
-
-    scans = {"same": vowels, "random": tactsim.scan(letters="AEIOU", test_poses="random")}
-    at = {
-        poses: tactsim.run(scan, estimator="nearest", trials=10, readings=1).accuracy[0]
-        for poses, scan in scans.items()
-    }
-    assert at["same"] > 0.9
-    assert at["random"] < 0.6  # guessing has 0.2

@@ -15,20 +15,6 @@ def states(placed):
     return np.ascontiguousarray(invert(placed).T)
 
 
-def test_an_angle_goes_round_the_circle_and_leaves_the_turned_copy_out():
-    placed = np.array([[1.0, 2.0, np.pi - 0.01], [1.0, 2.0, -np.pi + 0.03], [1.0, 2.0, 0.01]])
-    pose = mean_around(states(placed), np.array([0.5, 0.25, 10.0]), 0)
-    x, y, turn = invert(pose)
-    assert [x, y] == pytest.approx([1, 2])
-    assert wrap_angle(turn - np.pi) == pytest.approx(-0.01 * 2 / 3 + 0.03 / 3)
-
-
-def test_a_position_is_averaged_over_turned_copies_but_not_over_other_places():
-    placed = np.array([[1.0, 2.0, 0.0], [1.4, 2.0, 2.0], [1.0, 2.8, -2.0], [4.0, 2.0, 0.0]])
-    x, y, turn = invert(mean_around(states(placed), np.array([1.0, 2.0, 1.0, 50.0]), 0))
-    assert [x, y, turn] == pytest.approx([1.2, 2.2, 0.0])
-
-
 def test_a_mode_that_weighs_nothing_beside_another_is_kept():
     placed = np.array([[1.0, 2.0, 0.5], [5.0, 2.0, 0.5]])
     pose = mean_around(states(placed), np.array([0.0, 1.0]), 0)
@@ -85,14 +71,6 @@ def test_cells_that_resolve_a_belief_do_not_widen_it(mean, deviation, size):
     found = weight @ poses
     assert found == pytest.approx(mean, abs=0.02 * max(size))
     assert weight @ (poses - found) ** 2 == pytest.approx(deviation**2, rel=0.03)
-
-
-def test_cells_as_wide_as_a_belief_along_one_axis_are_spread_along_it_alone():
-    size, deviation = np.array([0.1, 0.2, 0.05]), np.array([0.01, 0.2, 0.05])
-    poses, weight, _ = normal_cells(np.zeros(3), deviation, size)
-    variance = weight @ (poses - weight @ poses) ** 2
-    assert variance[0] == pytest.approx(size[0] ** 2 / 12, rel=0.01)
-    assert variance[1:] == pytest.approx(deviation[1:] ** 2, rel=0.01)
 
 
 def test_a_belief_at_half_a_turn_is_as_wide_as_at_none():

@@ -1,22 +1,19 @@
 """Scan matching: the best bin is that of all bins, its certificate holds, and the bounds are bounds."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import draw_trial, make_scan, paper_poses, scores
+from synthetic import draw_trial, make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError, compose, transform
+from tactsim.core import InputError
 from tactsim.estimators.filters.grid import state_grid
 from tactsim.estimators.filters.scan_matching import pyramid
 
 LETTERS = "EIL"
-
-
-@pytest.fixture(scope="module")
-def scan():
-    return make_scan(LETTERS, poses=paper_poses(positions=4, angles=6))
 
 
 def made(scan, split, **options):
@@ -41,10 +38,8 @@ def brute_force(estimator, split):
     ("split", "likelihood"),
     [
         ("40x40x8", "calibrated"),
-        ("23x37x5", "paper"),
         ("64x9x3", "force"),
-        ("5x3x30", "paper"),
-        ("1x1x1", "calibrated"),
+        ("1x1x1", "paper"),
     ],
 )
 def test_the_best_of_each_letter_is_that_of_all_bins(split, likelihood, scan):
@@ -68,44 +63,6 @@ def test_the_best_of_each_letter_is_that_of_all_bins(split, likelihood, scan):
             assert (np.abs(states.T - estimate.robot_in_object).max(axis=1) < 1e-12).any()
 
 
-def test_scores_are_sums_of_logs_looked_up_in_the_map(scan):
-    """Without tables and kernels: bilinear in the tables' nodes is near to log p at the taxels' places."""
-    estimator = made(scan, "40x40x36", cell=0.1)
-    readings, poses, _ = draw_trial(scan, "L", 3, np.random.default_rng(2))
-    estimator.reset(np.random.default_rng(0))
-    by_hand = 0.0
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-    state = estimator.estimate().robot_in_object
-    for reading, pose in zip(readings, poses, strict=True):
-        xy = transform(compose(state, pose)[None], scan.taxel_xy)[0]
-        logs = estimator.likelihood.log_tables(estimator.estimate().label, xy)
-        classes = estimator.likelihood.classes(reading)
-        by_hand += logs[classes, np.arange(len(classes))].sum()
-    assert estimator.scores[estimator.estimate().label] == pytest.approx(by_hand, abs=0.3)
-
-
-@pytest.mark.parametrize("far", [0.0, 25.0, 1e4])
-def test_skipping_changes_no_answer(far, scan):
-    lazy, full = made(scan, "30x30x12"), made(scan, "30x30x12", skip=False)
-    rng = np.random.default_rng(3)
-    readings, poses, _ = draw_trial(scan, "E", 5, rng)
-    for estimator in (lazy, full):
-        estimator.reset(rng)
-    for reading, pose in zip(readings, poses + [far, 0, 0], strict=True):
-        for estimator in (lazy, full):
-            estimator.update(reading, pose)
-        one, other = lazy.estimate(), full.estimate()
-        assert one.label == other.label
-        assert one.probabilities == pytest.approx(other.probabilities, abs=1e-15)
-        assert max(lazy.scores.values()) == max(full.scores.values())
-        if not far:  # off the map whole areas fit alike, and which bin is named is open
-            assert (one.robot_in_object == other.robot_in_object).all()
-    assert lazy.work["skipped"]["bins"] > 0
-    assert full.work["skipped"]["bins"] == full.work["bound_evaluations"] == 0
-    assert full.work["likelihood_evaluations"] > lazy.work["likelihood_evaluations"]
-
-
 def test_the_certificate_holds_for_every_bin_and_says_what_was_left_alone(scan):
     split = "40x40x12"
     estimator = made(scan, split)
@@ -123,24 +80,6 @@ def test_the_certificate_holds_for_every_bin_and_says_what_was_left_alone(scan):
         assert certificate.lead >= 0
         left_alone += np.isfinite(certificate.lead)
     assert left_alone
-
-
-def test_a_histogram_of_the_same_bins_proves_the_same_bin(scan):
-    words = {"split": "30x30x16", "likelihood": "calibrated"}
-    matcher, histogram = made(scan, **words), estimators.create("histogram", **words)
-    histogram.fit(scan)
-    rng = np.random.default_rng(8)
-    readings, poses, _ = draw_trial(scan, "I", 5, rng)
-    for estimator in (matcher, histogram):
-        estimator.reset(rng)
-    for reading, pose in zip(readings, poses, strict=True):
-        for estimator in (matcher, histogram):
-            estimator.update(reading, pose)
-    one, other = matcher.certificate(), histogram.certificate()
-    assert one.label == other.label
-    # I is symmetric, so two bins are nearly as good as each other, and rounding may choose.
-    moved = np.abs(one.robot_in_object - other.robot_in_object)
-    assert moved[2] % np.pi == pytest.approx(0, abs=1e-9) or moved == pytest.approx(0)
 
 
 @settings(max_examples=25, deadline=None)
@@ -168,23 +107,11 @@ def test_no_bin_is_above_the_bound_of_its_block(seed, split):
 
 
 _SCAN = make_scan("EI", poses=paper_poses(3, 4))
-_KNOWN = {}
 
 
+@cache
 def _bounded(split):
-    if split not in _KNOWN:
-        _KNOWN[split] = made(_SCAN, split)
-    return _KNOWN[split]
-
-
-def test_letters_and_poses_are_found_to_a_bin(scan):
-    known = make_scan(LETTERS, poses=paper_poses(positions=7, angles=12))
-    known.meta["objects"] = {
-        label: {"symmetry": 2 if label == "I" else 1, "inertia_over_mass": 60.0} for label in LETTERS
-    }
-    right, off = scores(known, made(known, "50x50x72"), 2, 8)
-    assert right[:, -1].mean() > 0.8  # guessing has a third
-    assert np.median(off[:, -1]) < 1.0
+    return made(_SCAN, split)
 
 
 def test_an_object_that_moves_is_refused_in_one_line():

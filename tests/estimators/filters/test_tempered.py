@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, follow, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import Scan, transform
@@ -20,14 +20,6 @@ def fitted(scan, **options):
     estimator = estimators.create("tempered", **options)
     estimator.fit(scan)
     return estimator
-
-
-def estimates(estimator, trial, seed=0):
-    readings, poses = trial[:2]
-    estimator.reset(np.random.default_rng(seed))
-    for reading, pose in zip(readings, poses, strict=True):
-        estimator.update(reading, pose)
-        yield estimator.estimate()
 
 
 @pytest.mark.long
@@ -56,22 +48,6 @@ def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan)
     assert np.std(ratios, axis=0).max() < 0.2
 
 
-def test_skipping_changes_no_answer(scan):
-    quick, full = fitted(scan, particles=900), fitted(scan, particles=900, skip=False)
-    for seed in range(3):
-        letter = LETTERS[seed]
-        trial = draw_trial(scan, letter, 12, np.random.default_rng(seed))
-        for one, other in zip(estimates(quick, trial, seed), estimates(full, trial, seed), strict=True):
-            assert one.label == other.label
-            assert np.array_equal(one.robot_in_object, other.robot_in_object)
-            for label, p in one.probabilities.items():
-                assert p == pytest.approx(other.probabilities[label], abs=1e-6)
-    assert quick.work["skipped"]["moves"] > 0
-    assert quick.work["skipped"]["moves"] % 300 == 0  # whole populations, once for each reading replayed
-    assert full.work["skipped"]["moves"] == 0
-    assert quick.work["likelihood_evaluations"] < full.work["likelihood_evaluations"]
-
-
 def test_letters_that_are_alike_share_one_population_and_have_the_answers_of_their_own(scan):
     train = scan.where("train")
     one, other = (train.where(label=label) for label in LETTERS[:2])
@@ -86,7 +62,7 @@ def test_letters_that_are_alike_share_one_population_and_have_the_answers_of_the
     quick, full = fitted(copies, particles=1200), fitted(copies, particles=1200, skip=False)
     for seed in range(4):
         drawn = draw_trial(scan, LETTERS[seed % 2], 6, np.random.default_rng(seed))
-        for ours, whole in zip(estimates(quick, drawn, seed), estimates(full, drawn, seed), strict=True):
+        for ours, whole in zip(follow(quick, *drawn[:2], seed), follow(full, *drawn[:2], seed), strict=True):
             assert ours.probabilities["P"] == ours.probabilities["R"] == ours.probabilities["S"]
             assert ours.probabilities == pytest.approx(whole.probabilities, abs=1e-12)
             assert np.array_equal(ours.robot_in_object, whole.robot_in_object)

@@ -26,25 +26,21 @@ def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
 LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
 
 
-def gaussian(rng, too_sure, spoil=lambda seen: seen, share=0.0, sigma=(0.4, 0.4, 0.4)):
+def gaussian(rng, too_sure, share=0.0):
     """Make a stand-in for left-out readings: Gaussians about places drawn from them, log p times a factor.
 
-    spoil: what is done to the places (letters, readings, 3) that are seen, in the unit of their deviation. share:
-    what a position has of the map; with it there its presses err by so much less, and without it by so much more.
-    sigma: mm, the deviation along three axes that are turned at random.
+    They are 0.4 mm wide. share: what a position has of the map; with it there its presses err by so much less, and
+    without it by so much more.
     """
-    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] * sigma
-    whiten = np.linalg.inv(axes)
 
     def left_out(likelihood, train, labels, states, whole_positions):
         shift, _, _ = trust_learning._moves(np.zeros(2))
         place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
         error = 1 / (1 - share) if whole_positions else 1 - share
-        seen = spoil(rng.normal(size=(len(LETTERS), READINGS, 3))) * math.sqrt(error)
-        whitened = place @ whiten.T
+        seen = rng.normal(size=(len(LETTERS), READINGS, 3)) * math.sqrt(error)
         return [
             trust_learning._LeftOut(
-                -too_sure * ((whitened[None] - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
+                -too_sure * ((place[None] / 0.4 - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
             )
             for one in seen
         ]
@@ -60,18 +56,12 @@ class Train(SimpleNamespace):
 SCAN = SimpleNamespace(where=lambda split: Train(letters=LETTERS, poses=np.zeros((3, 3))))
 
 
-def learned_from(monkeypatch, left_out):
-    monkeypatch.setattr(trust_learning, "_left_out", left_out)
-    learned = learn_trust(None, SCAN)
-    return [1 / learned(n) for n in (3, 8, 20)]
-
-
 def known(too_sure):
     """Give 1 / the right weight: what makes up for `too_sure`, and the error of a mean over all training readings."""
     return [too_sure * (1 + n / READINGS) for n in (3, 8, 20)]
 
 
-@pytest.mark.parametrize("shared", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("shared", [0.0, 0.4])
 def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, shared):
     moments, last = 4, object()
     likelihood = SimpleNamespace(shares=np.ones(moments), of_load=[None, last], last_images=None)
@@ -96,43 +86,22 @@ def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, 
     assert moments * images_count(likelihood, SCAN) == pytest.approx(effective, rel=0.2)
 
 
-@pytest.mark.parametrize("too_sure", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("too_sure", [1.0, 5.0])
 def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_for_it(monkeypatch, too_sure):
-    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), too_sure))
-    assert found == pytest.approx(known(too_sure), rel=0.2)
+    """The misfit of a normal error is half a chi squared, and the jackknife sees all of it."""
+    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
+    learned = learn_trust(None, SCAN)
+    assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(too_sure), rel=0.2)
+    assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
+    assert learned.misfit.mean == pytest.approx(1.5 * too_sure, rel=0.1)  # of three degrees of freedom
+    assert learned.misfit.deviation == pytest.approx(math.sqrt(1.5) * too_sure, rel=0.1)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.4])
-def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch, share):
+def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch):
     # The error of a press by itself, and of the map.
-    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 2.0, share=share))
-    assert found == pytest.approx(known(2.0 * (1 + share)), rel=0.15)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("correlation", [-1 / READINGS, 0.3])
-def test_what_left_out_readings_share_and_new_ones_do_not_changes_nothing(monkeypatch, correlation):
-    # Residuals sum to 0, and those of one position, here of the whole letter, have the same sign.
-    def spoil(seen):
-        if correlation < 0:
-            return seen - seen.mean(axis=1, keepdims=True)
-        common = np.random.default_rng(2).normal(size=(len(LETTERS), 1, 3))
-        return math.sqrt(1 - correlation) * seen + math.sqrt(correlation) * common / np.abs(common)
-
-    # Of one set of readings the last has a standard deviation of a tenth, and growth that is never negative adds to it.
-    found = [
-        learned_from(monkeypatch, gaussian(np.random.default_rng(seed), 2.0, spoil)) for seed in (1, 2, 3)
-    ]
-    assert np.mean(found, axis=0) == pytest.approx(known(2.0), rel=0.15)
-
-
-def test_one_letter_of_its_own_kind_does_not_decide_for_the_others(monkeypatch):
-    def spoil(seen):
-        seen[3] *= 5  # a round letter's free turn looks like this
-        return seen
-
-    found = learned_from(monkeypatch, gaussian(np.random.default_rng(1), 1.0, spoil))
-    assert found == pytest.approx(known(1.0), rel=0.2)
+    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), 2.0, share=0.4))
+    learned = learn_trust(None, SCAN)
+    assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(2.0 * 1.4), rel=0.15)
 
 
 @given(st.floats(0.5, 10), st.floats(0, 1), st.floats(0, 1))
@@ -142,33 +111,11 @@ def test_more_readings_never_say_less(own, growth, shared):
     assert np.all(np.diff(said) > 0)
 
 
-@pytest.mark.parametrize("likelihood", ["calibrated", "force"])
-def test_it_is_learned_from_training_readings_alone(likelihood):
-    scan = make_scan("EI", poses=paper_poses(3, 6))
-    weights = []
-    for one in (scan, scan.where("train")):
-        estimator = create("refined", likelihood=likelihood, bins=500, cell=0.8)
-        estimator.fit(one)
-        weights.append(learn_trust(estimator.likelihood, one))
-    assert weights[0] == weights[1]
-    assert 0 < weights[0](20) <= weights[0](1) <= 2
-
-
 def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     scan = make_scan("EI", poses=paper_poses(3, 4))
     estimator = create("refined", likelihood="paper", bins=500)
     estimator.fit(scan)
     assert learn_trust(estimator.likelihood, scan)(20) == 1
-
-
-@pytest.mark.long
-def test_a_belief_that_is_long_in_one_direction_gets_the_same_weight(monkeypatch):
-    # Few moves lie in it, and of too few, 1,024, it seems too sure by a quarter.
-    found = [
-        learned_from(monkeypatch, gaussian(np.random.default_rng(seed), 1.0, sigma=(0.1, 0.3, 0.1)))
-        for seed in (1, 2, 3)
-    ]
-    assert np.mean(found, axis=0) == pytest.approx(known(1.0), rel=0.12)
 
 
 def expected_influence(learned, readings):
@@ -202,14 +149,7 @@ def test_where_nothing_is_known_of_how_readings_disagree_the_weight_is_that_of_t
     assert LEARNED.given(1, 5.0) == LEARNED(1)
 
 
-@pytest.mark.parametrize("too_sure", [1.0, 3.0])
-def test_the_jackknife_sees_all_of_a_normal_error(monkeypatch, too_sure):
-    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
-    learned = learn_trust(None, SCAN)
-    assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
     rng = np.random.default_rng(seed)
     log_p, shift = rng.normal(scale=9, size=(40, 64)), rng.normal(size=(64, 2))
@@ -242,21 +182,8 @@ def test_readings_are_summed_and_mirrored_ones_with_every_move_the_other_way():
         assert found == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("too_sure", [1.0, 3.0])
-def test_the_misfit_of_a_normal_error_is_half_a_chi_squared(monkeypatch, too_sure):
-    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
-    misfit = learn_trust(None, SCAN).misfit
-    assert misfit.mean == pytest.approx(1.5 * too_sure, rel=0.1)  # of three degrees of freedom
-    assert misfit.deviation == pytest.approx(math.sqrt(1.5) * too_sure, rel=0.1)
-
-
 def test_one_sequence_of_training_in_twenty_is_badly_explained():
     rng, misfit = np.random.default_rng(3), trust_learning.Misfit(9.0, 5.0)
     sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
     assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
     assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))
-
-
-def test_a_position_that_is_in_the_map_never_makes_it_worse():
-    assert trust_learning._at_a_new_place(3.0, 2.0) == trust_learning._at_a_new_place(2.0, 2.0) == 2.0
-    assert trust_learning._at_a_new_place(1.0, 4.0) == pytest.approx(2 * 1.5)

@@ -61,15 +61,6 @@ def test_readings_of_one_press_are_in_one_part_and_parts_are_those_of_whole_pres
     assert max(len(set(divide(pressed_at(cut))[number.argsort()][k : k + 4])) for k in range(0, 84, 4)) > 1
 
 
-def test_windows_of_an_object_that_was_never_moved_are_divided_by_their_places():
-    """Its presses are near copies: one of them says nothing of how well a window elsewhere is foretold."""
-    places = np.repeat([[x, y, 0.0] for x in (0.0, 5, 10) for y in (0.0, 5)], 3, axis=0)
-    part = folds(pressed_at(places, np.tile([0, 1, 2], 6)))
-    for place in np.unique(places, axis=0):
-        assert len(set(part[(places == place).all(axis=1)].tolist())) == 1
-    assert sorted(set(part.tolist())) == list(range(FOLDS))
-
-
 @pytest.mark.parametrize("turns", [0, 1, -2])
 @pytest.mark.parametrize("angle", [0.3, np.pi, 2 * np.pi - 1e-9, 0.0])
 def test_presses_whole_turns_apart_lie_just_alike(turns, angle):

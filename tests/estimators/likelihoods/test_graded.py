@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, follow, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import Scan
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.graded import _GRADES, _SHARES
-from tactsim.estimators.likelihoods.occupancy import learn_maps, log_odds
+from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
 
@@ -36,6 +36,7 @@ def test_a_grade_says_between_which_shares_of_its_scale_a_taxel_lies(scan):
     assert scale == pytest.approx((reading**4).sum() / (reading**3).sum())
     assert grades.tolist() == [int((value / scale > _SHARES).sum()) for value in reading]
     assert grades[:4].tolist() == [6] * 4
+    assert model.graded(1e3 * reading)[0].tolist() == grades.tolist()
     assert model.graded(np.zeros(36))[1] == model.least > 0
 
 
@@ -55,34 +56,6 @@ def test_grades_are_counted_as_by_brute_force(scan):
     assert table[:, 0].reshape(3, _GRADES) == pytest.approx(expected)
 
 
-def test_log_tables_are_probabilities_of_grades_and_evidence_names_the_class_of_its_scale(scan):
-    model = fitted(scan)
-    p = np.exp(model.log_tables("L", np.random.default_rng(0).uniform(-15, 15, (50, 2))))
-    assert p.reshape(3, _GRADES, 50).sum(axis=1) == pytest.approx(1)
-    reading = scan.where("test", "L").readings[3]
-    light, heavy = (model.evidence(reading * factor).table for factor in (1e-6, 1e6))
-    assert (light // _GRADES == 0).all()
-    assert (heavy // _GRADES == 2).all()
-    assert np.array_equal(heavy % _GRADES, model.graded(reading * 1e6)[0])
-
-
-def test_maps_without_some_readings_are_those_learned_from_the_rest(scan):
-    model, train = fitted(scan), scan.where("train")
-    gone = np.arange(len(train)) % 3 == 0
-    rest = model.without(train, gone, ["E"], True)
-    learned = learn_maps(
-        Scan(
-            train.readings[~gone], train.poses[~gone], train.labels[~gone], train.split[~gone], train.taxel_xy
-        )
-    )["E"]
-    xy = np.random.default_rng(1).uniform(-8, 8, (40, 2))
-    steeper, prior = model._classes.steeper, log_odds(learned.prior)
-    assert 1 < steeper < 3
-    expected = prior + steeper * (learned.log_odds_at(xy) - prior)
-    assert rest.maps["E"].log_odds_at(xy) == pytest.approx(expected, abs=1e-6)
-    assert rest.calibrations is model.calibrations
-
-
 def test_graded_stands_presses_of_varied_load_and_a_bent_response(scan):
     rng = np.random.default_rng(3)
     load = np.exp(0.5 * rng.standard_normal(len(scan.readings)))
@@ -90,7 +63,5 @@ def test_graded_stands_presses_of_varied_load_and_a_bent_response(scan):
     estimator = estimators.create("graded", bins=2000)
     estimator.fit(bent)
     for seed, label in enumerate("EIL"):
-        estimator.reset(np.random.default_rng(0))
-        for reading, pose in zip(*draw_trial(bent, label, 8, np.random.default_rng(seed))[:2], strict=True):
-            estimator.update(reading, pose)
-        assert estimator.estimate().label == label
+        readings, poses, _ = draw_trial(bent, label, 8, np.random.default_rng(seed))
+        assert follow(estimator, readings, poses)[-1].label == label

@@ -7,7 +7,6 @@ import pytest
 from synthetic import make_scan, paper_poses
 
 from tactsim.core import Scan
-from tactsim.estimators import create
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
@@ -56,14 +55,6 @@ def test_loads_are_told_by_the_stated_shares(scan, both):
     assert not loads_of(whole).any()  # one load, whichever
 
 
-def test_presses_that_were_laid_over_each_other_have_one_load(scan):
-    train = scan.where("train")
-    twice = replace(train, readings=train.readings * np.where(np.arange(len(train)) % 2, 1.0, 0.5)[:, None],
-                    poses=np.repeat(train.poses[::2], 2, axis=0)[: len(train)])  # fmt: skip
-    assert loads_of(twice).any()
-    assert not loads_of(replace(twice, meta={**twice.meta, "aligned": {}})).any()
-
-
 def test_without_stated_shares_loads_are_told_by_what_was_felt_at_each_pose():
     poses, shares = np.repeat([[0.0, 0, 0], [5.0, 0, 1]], 8, axis=0), np.tile(SHARES, 8)
     felt = np.repeat([10.0, 300.0], 8) * shares  # at one pose the object is hardly touched
@@ -73,7 +64,7 @@ def test_without_stated_shares_loads_are_told_by_what_was_felt_at_each_pose():
     assert not loads_of(train.chosen(shares == 0.5)).any()
 
 
-@pytest.mark.parametrize("name", ["calibrated", "graded", "force"])
+@pytest.mark.parametrize("name", ["calibrated", pytest.param("force", marks=pytest.mark.long)])
 def test_log_p_is_the_log_of_the_mean_over_the_loads(both, name):
     options = LikelihoodOptions(likelihood=name)
     train = both.where("train")
@@ -114,24 +105,3 @@ def test_an_object_without_readings_at_a_load_has_all_of_them_there(both):
     assert [sorted(model.maps) for model in mixture.of_load] == [["E", "I", "L"]] * 2
     tables = mixture.log_tables("E", np.zeros((1, 2)))
     assert np.isfinite(tables).all()
-
-
-@pytest.mark.parametrize("name", ["refined", "graded", "force-mosaic"])
-def test_light_touches_are_recognised_as_well_as_whole_ones(scan, both, name):
-    """A filter that knows whole presses alone takes light ones for others; with both loads it does not."""
-    mixed, whole = create(name, bins=2000), create(name, bins=2000)
-    mixed.fit(both)
-    whole.fit(scan)
-    assert (mixed.likelihood.loads, whole.likelihood.loads) == (2, 1)
-    right = {"mixed": 0.0, "whole": 0.0}
-    for label in scan.letters:
-        test = scan.where("test", label)
-        for turn in range(6):
-            chosen = np.random.default_rng(turn).choice(len(test), size=4, replace=False)
-            for filter, key in ((mixed, "mixed"), (whole, "whole")):
-                filter.reset(np.random.default_rng(1))
-                for k in chosen.tolist():
-                    filter.update(lighter(test.readings[k], scan.taxel_xy), test.poses[k])
-                right[key] += (filter.estimate().label == label) / 18
-    assert right["mixed"] > 0.6
-    assert right["mixed"] > right["whole"]

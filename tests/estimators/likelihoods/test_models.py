@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import make_scan, paper_poses
 
-from tactsim import estimators
 from tactsim.core import transform
 from tactsim.estimators.likelihoods.likelihood import LIKELIHOODS, create
 from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import MODELS, LikelihoodOptions
+from tactsim.estimators.options import LikelihoodOptions
 
 every_model = pytest.mark.parametrize("name", LIKELIHOODS)
 
@@ -22,10 +21,6 @@ def fitted(name, scan):
     model = create(LikelihoodOptions(likelihood=name))
     model.fit(scan, learn_maps(scan))
     return model
-
-
-def test_options_name_every_model():
-    assert MODELS.rpartition(": ")[2].split(", ") == list(LIKELIHOODS)
 
 
 @every_model
@@ -62,18 +57,3 @@ def test_the_true_place_says_more_than_others(name, scan):
             log_p.append(terms.weight @ tables[terms.table, np.arange(len(terms.table))])
         ahead.append(log_p[0] > np.mean(log_p[1:]))
     assert np.mean(ahead) > 0.8
-
-
-@every_model
-def test_a_filter_recognises_letters_by_it(name, scan):
-    filter = estimators.create("refined", likelihood=name, bins=1000, cells=30)
-    filter.fit(scan)
-    right = 0
-    for trial in range(9):
-        rng, letter = np.random.default_rng(trial), scan.letters[trial % 3]
-        filter.reset(rng)
-        readings, poses, _ = draw_trial(scan, letter, 12, rng)
-        for reading, pose in zip(readings, poses, strict=True):
-            filter.update(reading, pose)
-        right += filter.estimate().label == letter
-    assert right >= 8

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tactsim.estimators.likelihoods.mosaic import Grid, learn_mosaic, learn_with_spread
 
@@ -53,15 +51,3 @@ def test_leaving_an_taxel_out_is_learning_without_it():
         rest = np.arange(200) != i
         wanted, _ = learn_mosaic(xy[rest], values[rest], weight[rest], GRID)(xy[i])
         assert got[i] == pytest.approx(wanted, abs=1e-9)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.floats(-5, 5), st.floats(-5, 5), st.integers(0, 999))
-def test_it_is_linear_in_what_is_felt(a, b, seed):
-    xy, rng = scattered(60, seed)
-    one, other = rng.normal(size=(2, 60))
-    places, weight = rng.uniform(-6, 8, (40, 2)), np.ones(60)
-    both, _ = learn_mosaic(xy, a * one + b * other, weight, GRID)(places)
-    first, _ = learn_mosaic(xy, one, weight, GRID)(places)
-    second, _ = learn_mosaic(xy, other, weight, GRID)(places)
-    assert both == pytest.approx(a * first + b * second, abs=1e-9)

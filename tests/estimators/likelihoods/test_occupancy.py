@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import make_scan, paper_poses
 
 from tactsim.core import Scan
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT
@@ -22,17 +21,6 @@ def one_reading(value, pose=(0.0, 0.0, 0.0), taxel_xy=((0.0, 0.0),)):
     return Scan(values, np.array([pose]), np.array(["X"]), np.array(["train"]), np.array(taxel_xy))
 
 
-@pytest.mark.parametrize(("value", "sign"), [(10.0, 1), (0.0, -1)])
-@pytest.mark.parametrize("sigma", [1.0, 0.5])
-@pytest.mark.parametrize("away", [0.0, 0.4, 1.2])
-def test_one_taxel_gives_equation_5_at_every_distance(value, sign, sigma, away):
-    chart = learn_maps(one_reading(value), sigma=sigma, peak=0.8, prior=0.3)["X"]
-    g = 0.8 * math.exp(-2 * away**2 / sigma**2)
-    expected = 0.3 + 0.7 * g if sign > 0 else 0.3 - 0.3 * g
-    for direction in ([away, 0], [0, -away]):
-        assert sigmoid(chart.log_odds_at(direction)) == pytest.approx(expected)
-
-
 @pytest.mark.parametrize("prior", [0.01, 0.5, 0.99])
 def test_a_map_reaches_as_far_as_an_taxel_says_anything(prior):
     # Where eq. 5 and 6 have fallen to 1e-12, and in whole cells not a cell further than that.
@@ -44,26 +32,6 @@ def test_a_map_reaches_as_far_as_an_taxel_says_anything(prior):
     assert (left, bottom) == (pytest.approx(-right), pytest.approx(-top))
     assert max(said(-left), said(right), said(-bottom), said(top)) < 3e-12
     assert min(said(-left - 0.2), said(right - 0.2), said(-bottom - 0.2), said(top - 0.2)) > 1e-13
-
-
-def test_all_maps_share_a_grid_that_ends_at_the_prior():
-    maps = learn_maps(make_scan("EI", poses=paper_poses(3, 4)), prior=0.35)
-    first, second = maps.values()
-    assert first.log_odds.shape == second.log_odds.shape
-    assert first.origin.tolist() == second.origin.tolist()
-    rim = np.concatenate([first.log_odds[[0, -1]].ravel(), first.log_odds[:, [0, -1]].ravel()])
-    assert rim == pytest.approx(log_odds(0.35), abs=1e-6)
-
-
-@pytest.mark.parametrize("cell", [0.25, 1.0, 2.0])
-def test_a_map_shows_the_shape_at_any_cell_size(cell):
-    chart = learn_maps(make_scan("I"), cell=cell)["I"]
-    assert (chart.log_odds_at([[0, 0], [0, 10], [0, -10]]) > 3).all()
-    assert (chart.log_odds_at([[6, 0], [-6, 5], [9, -3]]) < -3).all()
-    left, right, bottom, top = chart.extent
-    assert (right - left) == pytest.approx(cell * chart.log_odds.shape[1])
-    assert (top - bottom) == pytest.approx(cell * chart.log_odds.shape[0])
-    assert left < -14 < 14 < right
 
 
 def test_interpolation_is_bilinear_inside_and_the_prior_outside():

@@ -60,16 +60,6 @@ def test_a_plane_is_what_whole_matrices_give(lean):
             assert mine == pytest.approx(theirs, rel=1e-9, abs=1e-9)
 
 
-def test_a_reading_that_covers_nothing_has_no_plane():
-    found, pressure, _, error, misfit = fitted(
-        np.full((1, 36), 2.0), np.zeros((1, 36)), np.zeros((1, 36)), np.array([4.0, 0, 0]), np.full(3, 50.0)
-    )
-    assert not found.any()
-    assert not pressure.any()
-    assert (error == 2).all()
-    assert misfit == pytest.approx([36 / 2])
-
-
 def mosaic(seed=None):
     """Make cover and its slopes per cell at the nodes: of one plane, or, with a seed, anything."""
     rows, columns = 34, 40
@@ -130,18 +120,3 @@ def test_a_pose_that_is_no_number_reads_nothing_beyond_the_nodes():
     case = readings, poses, mosaic(2), PARTS, PRIOR
     at_the_rim = expanded(np.array([-1e4, -1e4, 0.0]), *case)[0]
     assert expanded(np.array([np.nan, np.nan, 0.0]), *case)[0] == at_the_rim
-
-
-def test_the_slope_is_how_fast_the_value_falls():
-    # Cover is one plane, all taxels lie on it, and variances do not depend on the pose: nothing is left out then.
-    parts, pose, nodes = np.array([4.0, 0, 0]), np.array([0.4, -0.7, 0.3]), mosaic()
-    rng, (_, poses) = np.random.default_rng(1), touches()
-    readings, poses = rng.uniform(20, 40, (6, 36)) * GAIN, poses * [0.5, 0.5, 1]
-    _, slope, _ = expanded(pose, readings, poses, nodes, parts, PRIOR)
-    step = 1e-5
-    for axis in range(3):
-        ends = [
-            expanded(pose + sign * step * np.eye(3)[axis], readings, poses, nodes, parts, PRIOR)[0]
-            for sign in (-1, 1)
-        ]
-        assert slope[axis] == pytest.approx(-(ends[1] - ends[0]) / (2 * step), rel=1e-5, abs=1e-5)

@@ -43,6 +43,7 @@ def test_presses_as_deep_have_one_pressure_and_those_of_a_load_have_less_the_mor
     assert loaded.pressure == pytest.approx(400, rel=0.25)
 
 
+@pytest.mark.long
 def test_slopes_and_noise_are_those_of_the_presses():
     level, leaning = rendering(pressed()), rendering(pressed(slope=0.06))
     assert np.abs(np.median(np.abs(leaning.slopes)) / 0.6745) == pytest.approx(0.06, rel=0.35)

@@ -52,19 +52,6 @@ def test_a_misfit_is_half_of_chi_squared_with_the_planes_integrated_out(mosaics,
         assert found[i] == pytest.approx(readings[i] @ np.linalg.solve(whole, readings[i]) / 2, rel=1e-9)
 
 
-def test_errors_are_as_large_as_learned(mosaics, scan):
-    rng = np.random.default_rng(5)
-    poses = np.column_stack([rng.uniform(-10, 10, (200, 2)), rng.uniform(-np.pi, np.pi, 200)])
-    for label, other in ("EL", "LE"):
-        fresh = tilted_readings(label, poses, rng, scan.taxel_xy)
-        near, far, elsewhere = (part.mean() for part in mosaics.left_out(label))
-        own = mosaics.misfits(label, np.zeros(3), fresh, poses).mean()
-        assert 0.9 * near < own < 1.1 * far
-        assert 18 / 2 < own < 18 * 2  # half of chi^2 of 36 taxels
-        assert mosaics.misfits(other, np.zeros(3), fresh, poses).mean() > 3 * own
-        assert elsewhere > 3 * own
-
-
 @pytest.mark.parametrize(
     ("load", "lean_x", "lean_y"), [(0.7, 0, 0), (1.3, 0, 0), (1, 0.3, -0.3), (0.8, -0.3, 0)]
 )
@@ -87,21 +74,3 @@ def test_the_search_for_a_pose_ends_where_readings_fit(mosaics, scan):
         found = mosaics.fitting_pose("E", truth + off, readings, sensor_in_robot)
         assert np.abs(found - truth)[:2].max() < 0.15
         assert abs(found - truth)[2] < 0.02
-
-
-def test_the_slope_of_the_search_is_that_of_finite_differences(mosaics, scan):
-    readings, poses, pose = scan.readings[10:16], scan.poses[10:16], np.array([0.3, -0.2, 0.04])
-    # With variances that do not depend on the pose: the search holds them during a step.
-    mosaics = mosaics.of("E")
-    mosaics.variance = mosaics.variance * [1, 0, 0]
-    _, slope, curvature = mosaics._around("E", pose, readings, poses)
-    steps = np.diag([1e-4, 1e-4, 1e-5])
-    totals = [
-        [mosaics._around("E", pose + sign * step, readings, poses)[0] for sign in (-1, 1)] for step in steps
-    ]
-    falls = np.array(
-        [(low - high) / (2 * step.max()) for (low, high), step in zip(totals, steps, strict=True)]
-    )
-    # The mosaic's own slopes are interpolated beside its values: they differ a little.
-    assert slope == pytest.approx(falls, rel=0.2, abs=0.05 * np.abs(falls).max())
-    assert (np.linalg.eigvalsh(curvature) > 0).all()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tactsim.core import InputError, rigid
 from tactsim.estimators.space import pose_cells
 from tactsim.estimators.space.pose_cells import CellSizes
-from tactsim.estimators.space.rotation_cells import every_cell, middles, volumes
+from tactsim.estimators.space.rotation_cells import every_cell, volumes
 
 SIZES = CellSizes(side=4, voxel=4.0, reach=16.0, box=20.0)
 ANCHOR = np.array([1.0, -2.0, 3.0])
@@ -20,13 +20,6 @@ def cell_of(rotation, side):
     largest = np.take_along_axis(rotation, cube[:, None], axis=1)
     others = np.take_along_axis(rotation, (cube[:, None] + np.arange(1, 4)) % 4, axis=1) / largest
     return cube, np.minimum(((np.arctan(others) * 4 / np.pi + 1) / 2 * side).astype(int), side - 1)
-
-
-def test_every_rotation_lies_in_the_cell_whose_middle_it_is():
-    cube, place = every_cell(5)
-    found_cube, found_place = cell_of(middles(cube, place, 5), 5)
-    assert (found_cube == cube).all()
-    assert (found_place == place).all()
 
 
 def test_cells_hold_the_rotations_that_their_volumes_say():
@@ -66,14 +59,6 @@ def test_halves_share_what_their_cell_holds(halves, sizes):
     poses = pose_cells.poses_of(parts.ravel(), sizes, ANCHOR)
     part = pose_cells.log_prior(parts.ravel(), poses, sizes, 1e3).reshape(-1, 8)
     np.testing.assert_allclose(np.exp(part).sum(axis=1), np.exp(whole), rtol=0.05)
-
-
-def test_the_middle_of_a_voxel_lies_at_the_anchor():
-    cells = pose_cells.packed(0, np.array([2]), np.array([[1, 2, 3]]), np.array([[0, 5, 7]]))
-    pose = pose_cells.poses_of(cells, SIZES, ANCHOR)
-    np.testing.assert_allclose(
-        rigid.transform(pose[0], np.array([[-14.0, 6.0, 14.0]]))[0], ANCHOR, atol=1e-12
-    )
 
 
 @pytest.mark.parametrize(

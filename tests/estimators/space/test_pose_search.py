@@ -5,12 +5,9 @@ import pytest
 import toy_solids as toy
 from numba import njit
 
-from tactsim import estimators
 from tactsim.core import rigid
 from tactsim.estimators.space import screen_kernels
-from tactsim.estimators.space.pose_cells import CellSizes
-from tactsim.estimators.space.pose_search import PoseSearch
-from tactsim.estimators.space.pose_steps import advance, advance_about, shortened, solve
+from tactsim.estimators.space.pose_steps import advance_about, shortened, solve
 from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, distances, screen
 from tactsim.estimators.space.voxels import sparse
 
@@ -92,43 +89,10 @@ def test_steps_free_the_pads_way(block):
     assert BLOCK.distance(place)[0] > -0.3
 
 
-@pytest.mark.long
-def test_a_search_finds_the_pose_of_a_tee_from_coarse_cells():
-    scan = toy.toy_scan(60, 3, labels=("tee", "block"))
-    refined = estimators.create("space-refined")
-    refined.fit(scan)
-    search = PoseSearch(refined.field, [0, 1], refined.reader, 4, 9.0, 20.0)
-    found = 0
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        hidden = np.concatenate([rng.uniform(-8, 8, 3), rigid.random_rotations(1, rng)[0]])
-        rest, readings, _ = toy.touches(toy.SOLIDS["tee"], 8, rng, tilt=0.5)
-        search.reset()
-        search.take_in(readings, rigid.compose(hidden, rest))
-        label, poses = search.seeds(1000, 40, rng)
-        assert len(label) == 40
-        tee = poses[label == refined.labels.index("tee")]
-        # Half a turn about z leaves the tee as it is.
-        half = rigid.compose(tee, np.array([0.0, 0, 0, 0, 0, 0, 1]))
-        near = [
-            (np.linalg.norm(those[:, :3] - hidden[:3], axis=1) < 2)
-            & (rigid.angle_between(those[:, 3:], hidden[3:]) < 0.15)
-            for those in (tee, half)
-        ]
-        found += bool((near[0] | near[1]).any())
-    assert found >= 4
-
-
 @njit
 def solved(matrix, vector):
     solve(matrix, vector)
     return vector
-
-
-@njit
-def advanced(pose, step, by):
-    advance(pose, step, by)
-    return pose
 
 
 @njit
@@ -149,14 +113,6 @@ def test_six_equations_are_solved():
     np.testing.assert_allclose(solved(matrix.copy(), vector.copy()), np.linalg.solve(matrix, vector))
 
 
-def test_a_small_step_is_a_motion_in_the_objects_frame():
-    rng = np.random.default_rng(3)
-    pose = np.concatenate([rng.normal(size=3), rigid.random_rotations(1, rng)[0]])
-    step = 1e-3 * rng.standard_normal(6)
-    expected = rigid.compose(pose, np.concatenate([step[:3], rigid.from_vector(step[3:])]))
-    np.testing.assert_allclose(advanced(pose.copy(), step, 1.0), expected, atol=1e-6)
-
-
 def test_a_step_about_a_place_keeps_it_where_it_is_but_for_its_shift():
     rng = np.random.default_rng(4)
     pose = np.concatenate([rng.normal(0, 9, 3), rigid.random_rotations(1, rng)[0]])
@@ -173,9 +129,3 @@ def test_a_step_about_a_place_keeps_it_where_it_is_but_for_its_shift():
 )
 def test_a_long_step_is_shortened(step, by):
     assert part(np.array(step, dtype=float), 2.0, 0.2) == pytest.approx(by)
-
-
-def test_halved_cells_are_half_as_wide():
-    sizes = CellSizes(4, 9.0, 36.0, 20.0)
-    assert sizes.turned().turn == pytest.approx(sizes.turn / 2)
-    assert sizes.shifted().shift == pytest.approx(sizes.shift / 2)

@@ -36,11 +36,6 @@ def test_the_mean_is_that_of_the_states_near_by():
     np.testing.assert_allclose(mean[:3], np.array([0.2, 0.3, 0.1]) @ poses[:3, :3] / 0.6)
 
 
-def test_one_state_is_its_own_mean():
-    pose = two_modes((1, 0), np.random.default_rng(2))
-    np.testing.assert_allclose(mean_around(pose, np.ones(1)), pose[0])
-
-
 def test_a_rotation_and_its_negative_quaternion_are_one():
     poses = two_modes((40, 0), np.random.default_rng(3))
     other = poses.copy()

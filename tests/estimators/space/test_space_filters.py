@@ -11,6 +11,7 @@ from synthetic import make_scan
 from tactsim import estimators
 from tactsim.core import InputError, rigid
 from tactsim.estimators.contract import SPACE_CHECKS, SpaceCase
+from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.estimators.space import pose_search
 from tactsim.estimators.space.screen_kernels import distances
 from tactsim.estimators.space.surface import surface_of
@@ -180,42 +181,12 @@ def test_the_belief_is_that_of_brute_force(monkeypatch):
     np.testing.assert_allclose(ours, moments(poses, weight[1]), rtol=0.1)
 
 
+@pytest.mark.long
 def test_mirror_images_are_told_apart():
     estimator = with_field(ToyField({"left": hook(1), "right": hook(-1)}, 0.5), **FEW)
     for seed, side in enumerate((1, -1)):
         _, readings, sensors = hidden(hook(side), 9, seed)
         assert after(estimator, readings, sensors).label == ("left" if side == 1 else "right")
-
-
-@pytest.mark.long
-def test_a_symmetric_object_is_not_punished_for_it():
-    """All turns of a ball are as probable, and so is the ball."""
-    estimator = with_field(
-        ToyField({"ball": toy.SOLIDS["ball"], "hook": hook(1)}, 0.5), cells=150, particles=150
-    )
-    true, readings, sensors = hidden(toy.SOLIDS["ball"], 8, 1)
-    estimate = after(estimator, readings, sensors)
-    assert estimate.probabilities["ball"] > 0.9
-    assert np.linalg.norm(rigid.invert(estimate.robot_in_object)[:3] - true[:3]) < 1.5
-
-
-@pytest.mark.long
-def test_turning_the_world_turns_the_answer():
-    estimator = with_field(ToyField({"tee": toy.SOLIDS["tee"], "hook": hook(1)}, 0.5), particles=600)
-    true, readings, sensors = hidden(hook(1), 9, 3)
-    readings, sensors = readings[None], sensors[None]  # all pads at once: one search
-    world = np.concatenate([[2.0, -1.0, 3.0], rigid.random_rotations(1, np.random.default_rng(4))[0]])
-    for frame in (rigid.IDENTITY, world):
-        there, away, fits = rigid.compose(frame, true), [], []
-        for seed in range(5):
-            estimate = after(estimator, readings, rigid.compose(frame, sensors), seed)
-            assert estimate.label == "hook"
-            found = rigid.invert(estimate.robot_in_object)
-            away.append(np.linalg.norm(found[:3] - there[:3]))
-            fits.append(np.subtract(*estimator.field.log_p(1, np.stack([found, there]))))
-        assert max(away) < 1.5
-        # It fits the touches as well as the true pose does. About one draw in twelve is a little beside the best fit.
-        assert np.median(fits) > -1
 
 
 @pytest.mark.long
@@ -238,21 +209,6 @@ def test_objects_with_equal_maps_share_their_probability():
     assert estimate.probabilities["one"] == estimate.probabilities["two"] > 0
 
 
-@pytest.mark.parametrize(
-    ("reading", "sensor", "said"),
-    [
-        (np.zeros(36), np.zeros(7), "length 0"),
-        (np.zeros((2, 36)), rigid.IDENTITY, "one pose"),
-        (np.zeros((0, 36)), np.zeros((0, 7)), "36 taxels"),
-    ],
-)
-def test_a_touch_that_is_none_is_refused(reading, sensor, said):
-    estimator = with_field(ToyField({"ball": toy.SOLIDS["ball"]}), **QUICK)
-    estimator.reset(np.random.default_rng(0))
-    with pytest.raises(InputError, match=said):
-        estimator.update(reading, sensor)
-
-
 def test_a_scan_of_the_plane_is_refused():
     with pytest.raises(InputError, match="--task solids"):
         estimators.create("space-refined").fit(make_scan("EI"))
@@ -260,7 +216,7 @@ def test_a_scan_of_the_plane_is_refused():
 
 @pytest.fixture(scope="module")
 def scan():
-    return toy.toy_scan(120, 1, ("ball", "block", "tee"))
+    return toy.toy_scan(80, 1, ("block", "tee"))
 
 
 @pytest.fixture(scope="module", params=SPACE)
@@ -268,6 +224,12 @@ def case(request, scan):
     return SpaceCase(lambda: estimators.create(request.param, **QUICK), scan)
 
 
-@pytest.mark.parametrize("check", SPACE_CHECKS)
+@pytest.mark.parametrize(
+    "check",
+    [
+        pytest.param(check, marks=pytest.mark.long) if check is objects_are_recognised else check
+        for check in SPACE_CHECKS
+    ],
+)
 def test_an_estimator_in_space_keeps_its_contract(check, case):
     check(case)

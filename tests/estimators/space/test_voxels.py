@@ -7,7 +7,7 @@ from numba import njit
 from tactsim.core import rigid
 from tactsim.estimators.space.feeling_kernels import feel_all
 from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, redistance, settle
-from tactsim.estimators.space.voxels import distance_at, first_hit, slope_at, sparse
+from tactsim.estimators.space.voxels import distance_at, first_hit, sparse
 
 RADIUS, CELL = 12.0, 0.8
 
@@ -40,34 +40,6 @@ def test_distances_are_the_spheres_near_it_and_bounds_far_away(ball):
     assert (np.abs(found) <= np.abs(true) + CELL).all()
     assert (np.sign(found) == np.sign(true))[np.abs(true) > 0.1].all()
     assert len(ball.nodes) < ball.block.size  # blocks far from the surface hold nothing
-
-
-@njit
-def slopes(voxels, points):
-    """Look up slopes (n, 3) at points (n, 3)."""
-    found = np.empty((len(points), 3))
-    for n in range(len(points)):
-        slope_at(voxels, points[n, 0], points[n, 1], points[n, 2], found[n])
-    return found
-
-
-@pytest.mark.long
-def test_slopes_are_those_of_the_distances(ball):
-    rng = np.random.default_rng(1)
-    points = rng.uniform(-17, 17, (20_000, 3))
-    # A small step about the middle of a cell stays in it, where the distance is of one piece.
-    points = (np.floor((points + 18) / CELL) + 0.5 + rng.uniform(-0.4, 0.4, points.shape)) * CELL - 18
-    near = np.abs(np.linalg.norm(points, axis=1) - RADIUS) < 1.5
-    step = 1e-3
-    found = slopes(ball, points)
-    for axis in range(3):
-        off = np.zeros(3)
-        off[axis] = step
-        change = (distances(ball, points + off) - distances(ball, points - off)) / (2 * step)
-        np.testing.assert_allclose(found[near, axis], change[near], atol=2e-3)  # nodes are float32
-    assert (slopes(ball, np.zeros((1, 3))) == 0).all()  # deep inside, where no nodes are held
-    outward = slopes(ball, np.array([[50.0, 0, 0], [0, -50.0, 0], [40.0, 40.0, 0]]))
-    np.testing.assert_allclose(outward, [[1, 0, 0], [0, -1, 0], [2**-0.5, 2**-0.5, 0]], atol=0.1)
 
 
 def test_distances_are_made_of_any_values_with_the_same_zeros():
