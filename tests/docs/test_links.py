@@ -20,12 +20,6 @@ def test_links_lead_somewhere(page):
             assert anchor in anchors(goal.read_text(encoding="utf-8")), link
 
 
-def test_what_is_written_for_language_models_links_to_pages_of_the_site():
-    links = re.findall(r"\]\(([^)]+)\.html\)", (ROOT / "docs" / "llms.txt").read_text(encoding="utf-8"))
-    assert len(links) > 15
-    assert [link for link in links if not (ROOT / "docs" / f"{link}.md").exists()] == []
-
-
 def anchors(text):
     """Name the headings as GitHub does."""
     headings = re.findall(r"^#+ +(.*)", text, re.M)

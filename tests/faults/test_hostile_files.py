@@ -345,15 +345,6 @@ def test_a_scan_whose_meta_is_no_json_object_is_refused(meta, small_scan, tmp_pa
     assert "\n" not in str(caught.value)
 
 
-def test_a_scan_that_claims_to_be_encrypted_is_refused(small_scan, tmp_path):
-    small_scan.save(tmp_path / "a.npz")
-    content = bytearray((tmp_path / "a.npz").read_bytes())
-    content[content.index(b"PK\x01\x02") + 8] |= 1  # of the first member
-    (tmp_path / "a.npz").write_bytes(content)
-    with pytest.raises(InputError, match="encrypted"):
-        read_scan(tmp_path / "a.npz")
-
-
 @pytest.mark.parametrize("count", how_many(CASES))
 def test_a_damaged_scan_is_read_or_refused_in_one_line(count, small_scan, tmp_path):
     small_scan.save(tmp_path / "good.npz")

@@ -7,7 +7,6 @@ import zipfile
 
 import numpy as np
 import pytest
-from command_line import refused
 from test_hostile_files import npy
 
 from tactsim.core import Pad, Scan
@@ -99,11 +98,3 @@ def test_no_claim_of_a_file_is_believed(bombs):
     lines = read_with_little_memory(bombs)
     assert [line.split()[0] for line in lines] == ["refused"] * len(bombs), "\n".join(lines)
     assert not any("<newline>" in line for line in lines)
-
-
-def test_what_a_file_names_does_not_steer_the_terminal(here, tmp_path):
-    (tmp_path / "s.toml").write_text('[[run]]\n"\\u001b]0;title\\u0007[bold]" = 1')
-    result = here("sweep", "s.toml")
-    refused(result, "[bold]")
-    assert "\x1b" not in result.stderr
-    assert "\x07" not in result.stderr

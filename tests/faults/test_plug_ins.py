@@ -199,13 +199,6 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file):
     assert "hello" in result.stderr
 
 
-def test_a_codec_that_is_broken_is_named_in_one_line(called_here):
-    content = 'name = "x"\n[codec]\nkind = "bad0"\n[pad]\nrows = 1\ncolumns = 1\nno_seam = true\n'
-    Path("x.toml").write_text(content)
-    result = called_here("probe", "--port", "loop://", "--device", "x.toml")
-    refused(result, "device file x.toml: codec: plug-in 'bad0'", "RuntimeError: first line")
-
-
 @pytest.mark.parametrize(
     ("name", "said"),
     [

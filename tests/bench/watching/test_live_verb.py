@@ -36,17 +36,6 @@ def recording(tmp_path, device, scan_file):
 
 
 @pytest.mark.long
-def test_a_shape_of_ones_own_is_learned_and_hidden(here, tmp_path):
-    (tmp_path / "bar.svg").write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" width="24mm" height="6mm"><rect width="24mm" height="6mm"/></svg>'
-    )
-    words = ["--port", "simulated:bar@1,2,0.5", "--readings", "2", "--json", "--shape"]
-    said = json.loads(here("live", *words, "bar.svg", *SMALL).stdout.splitlines()[-1])
-    assert said["truth"] == "bar"
-    assert set(said["probabilities"]) == {*"AEIOU", "bar"}
-
-
-@pytest.mark.long
 def test_a_hidden_object_is_recognised_as_json(here, scan_file):
     words = ["--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "3", "--json"]
     result = here("live", *words, *SMALL)

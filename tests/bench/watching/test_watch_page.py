@@ -10,7 +10,6 @@ from tactsim.bench.watching.web import WebPage
 pytestmark = [pytest.mark.long, needs_browser]
 PICTURE = "document.getElementById('picture').toDataURL()"
 RAMP = np.arange(36.0)
-LIVE = {"phase": "", "message": "", "progress": 0, "where": "", "asked": None, "belief": {"touch": 0}}
 
 
 @pytest.fixture(scope="module")
@@ -71,41 +70,6 @@ def test_a_click_takes_a_tare_and_the_pointer_reads_a_taxel(opened, source, fed)
     page.get_by_role("button", name="Seen from behind").click()
     page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.92 * box["height"])
     expect(page.locator("#readout")).to_contain_text("taxel 5, row 0, column 5")
-
-
-def test_a_key_on_a_button_does_one_thing(context, source, device):
-    """Space presses the button that has the focus, and a click does not give it the focus; the page stays in place."""
-    asked = []
-    commands = dict.fromkeys(("take", "redo", "skip", "begin"), lambda: None)
-    about = {"live": {"letters": [], "outlines": {}, "commands": list(commands)}}
-    page = context.new_page()
-    page.on("request", lambda request: "/do/" in request.url and asked.append(request.url.rsplit("/", 1)[1]))
-    with (
-        PadReader(source, device, "here") as reader,
-        WebPage(
-            reader, 0, from_behind=True, about=about, commands=commands, more=lambda sent: {"live": LIVE}
-        ) as web,
-    ):
-        page.set_viewport_size({"width": 390, "height": 300})
-        page.goto(web.url)
-        page.wait_for_selector("html[data-ready]")
-
-        def do(action, wanted):
-            """Do it and type r; what either asks the program for comes in order."""
-            asked.clear()
-            action()
-            with page.expect_request("**/do/redo"):
-                page.keyboard.press("r")
-            assert asked == [wanted, "redo"]
-
-        do(lambda: page.get_by_role("button", name="New object").click(), "begin")
-        page.evaluate("window.scrollTo(0, 0)")
-        do(lambda: page.keyboard.press(" "), "take")
-        page.wait_for_timeout(300)  # scrolling takes a moment
-        assert page.evaluate("[scrollY, document.body.scrollHeight > 600]") == [0, True]
-        page.get_by_role("button", name="Skip").focus()
-        do(lambda: page.keyboard.press(" "), "skip")
-        page.close()
 
 
 def test_when_the_program_ends_the_page_says_so(context, source, device):
