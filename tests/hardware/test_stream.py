@@ -3,22 +3,9 @@ import pytest
 from made_pads import small_device
 
 from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.emulator import emulate
 from tactsim.hardware.stream import Stream
 
 HALF = {"taxels": [0, 1, 2, -1, -1, -1]}
-
-
-def test_two_arrays_make_one_pad(paper_pad):
-    """Every taxel of the pad gets the pressure at its own place."""
-    at = paper_pad.pad.taxel_xy
-    field = 100 + 3 * at[:, 0] + 7 * at[:, 1]
-    messages = emulate(paper_pad, lambda now: field, rate=10.0).say(0.3)
-    stream = Stream(paper_pad)
-    readings = [reading for message in messages for reading in stream.received(0, message, 1.0)]
-    assert [reading.index for reading in readings] == [0, 1, 2, 3]
-    assert np.abs(readings[0].pressures - field).max() <= 0.35 + 1e-9  # half a count
-    assert np.allclose([reading.device_time for reading in readings], [0, 0.1, 0.2, 0.3])
 
 
 def test_frames_of_parts_that_are_not_listed_are_strays(paper_pad):
