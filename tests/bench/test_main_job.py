@@ -224,6 +224,7 @@ def test_its_table_is_that_of_the_papers_equations(job, interpolation):
         assert abs(last - last_here) <= TABLE_ERROR_MM
 
 
+@pytest.mark.long
 def test_readings_are_drawn_without_replacement_and_places_within_reach(job):
     _, rows, _ = job
     for trial in range(0, len(rows), READINGS):

@@ -82,12 +82,14 @@ def test_every_command_of_its_workflow_succeeds(made):
             run(program, *words, folder=folder, site=site)
 
 
+@pytest.mark.long
 def test_an_estimator_runs_by_its_name(installed, here, scan_file):
     if installed == "estimator":
         words = ["--estimator", "my-estimator", "--set", "noise=6", "--trials", "1", "--readings", "2"]
         assert here("run", "--scan", scan_file, *words).returncode == 0
 
 
+@pytest.mark.long
 def test_it_stands_in_the_lists(installed, here):
     kind = installed
     if kind == "task":
