@@ -131,8 +131,8 @@ def test_the_reliability_diagram_counts_every_estimate(runs, report):
     assert sum(one["count"] for one in bins) == trials.label.size
     assert sum(one["count"] * one["right"] for one in bins) == pytest.approx(trials.right.sum(), abs=1e-3)
     assert sum(one["count"] * one["p"] for one in bins) == pytest.approx(trials.p_label.sum(), rel=1e-4)
-    for one in reliability(replace(trials, p_label=np.full(trials.label.shape, 1.0))):
-        assert (one.probability, one.right) == (1.0, trials.right.mean())
+    sure = reliability(replace(trials, p_label=np.where(trials.right, 1.0, 0.05)))
+    assert [(one.probability, one.right) for one in sure] == [(pytest.approx(0.05), 0), (1, 1)]
 
 
 def test_the_ellipse_is_about_where_the_letters_centre_truly_lies():
