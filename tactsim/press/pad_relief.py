@@ -72,7 +72,8 @@ def relief_surface(
     grid = np.array([x[0] - middle[0], y[0] - middle[1], *steps])
     first = _matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
-    layers = np.stack([*relief, jumps], axis=-1)
+    # Column by column, as a lattice's cells come.
+    layers = np.ascontiguousarray(np.stack([*relief, jumps]).T)
     face = Face(RELIEF, np.zeros(3), grid, layers, low - middle, high - middle, depth)
     return PadSurface(first.T @ origin, first.T @ axes, face)
 

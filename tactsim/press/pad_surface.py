@@ -34,7 +34,7 @@ class Face(NamedTuple):
     kind: FLAT, AROUND a cylinder along y, OVER a sphere, PROJECTED on an ellipsoid, or RELIEF. size: (3,) mm, the
     radius first, or an ellipsoid's half-axes; of a cylinder then where a round end begins, from its middle along y, and
     where the pad's middle is from there. grid: (4,) mm, where a relief's grid begins along x and y and how far its
-    points are apart. relief: (rows, columns, 5), height mm, slopes along x and y, 1 where there is a surface, and
+    points are apart. relief: (columns, rows, 5), height mm, slopes along x and y, 1 where there is a surface, and
     how often it jumps between geoms up to there in both x and y.
     low, high: (2,) mm, where the face ends in (u, v). depth: mm of the geom below the face; no contact reaches deeper.
     """
@@ -235,12 +235,12 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
             points[i, 2] = c * (height - 1)
         elif face.kind == RELIEF:
             x, y, step_x, step_y = face.grid[0], face.grid[1], face.grid[2], face.grid[3]
-            column = min(max(int(np.rint((u[i] - x) / step_x)), 0), face.relief.shape[1] - 1)
-            row = min(max(int(np.rint((v[i] - y) / step_y)), 0), face.relief.shape[0] - 1)
-            slope_u, slope_v = face.relief[row, column, 1], face.relief[row, column, 2]
-            points[i, 2] = face.relief[row, column, 0]
+            column = min(max(int(np.rint((u[i] - x) / step_x)), 0), face.relief.shape[0] - 1)
+            row = min(max(int(np.rint((v[i] - y) / step_y)), 0), face.relief.shape[1] - 1)
+            slope_u, slope_v = face.relief[column, row, 1], face.relief[column, row, 2]
+            points[i, 2] = face.relief[column, row, 0]
             points[i, 2] += slope_u * (u[i] - x - column * step_x) + slope_v * (v[i] - y - row * step_y)
-            area[i] = face.relief[row, column, 3]
+            area[i] = face.relief[column, row, 3]
         if i < count:
             slanted = math.sqrt(1 + slope_u * slope_u + slope_v * slope_v)
             area[i] *= slanted
@@ -256,11 +256,11 @@ def stepped(face: Face, low: Reals, high: Reals) -> bool:
         return False
     jumps, first, last = face.relief[:, :, 4], np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
     for i in range(2):
-        most = jumps.shape[1 - i] - 1
+        most = jumps.shape[i] - 1
         first[i] = min(max(math.floor((low[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
         last[i] = min(max(math.ceil((high[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
-    along_x = jumps[last[1], last[0]] - jumps[last[1], first[0]]
-    return along_x > jumps[first[1], last[0]] - jumps[first[1], first[0]]
+    along_x = jumps[last[0], last[1]] - jumps[first[0], last[1]]
+    return along_x > jumps[last[0], first[1]] - jumps[first[0], first[1]]
 
 
 @compiled(REALS_2D(FACE, REALS_2D))
