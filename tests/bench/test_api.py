@@ -86,6 +86,7 @@ def test_curves_are_drawn_on_axes_of_the_users_own(run):
         run.plot(ax="here")
 
 
+@pytest.mark.long
 def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path, monkeypatch):
     draw_nothing(monkeypatch)
     file = tmp_path / "two.toml"

@@ -24,7 +24,7 @@ def right_at_once(config):
     return perform(run_config(**words)).summary["accuracy"][0]
 
 
-@pytest.mark.parametrize("explore", ["random", "blind"])
+@pytest.mark.parametrize("explore", [pytest.param("random", marks=pytest.mark.long), "blind"])
 def test_the_default_run_is_not_done_by_remembering(explore):
     assert right_at_once(run_config(explore=explore)) <= MOST
     if explore == "random":

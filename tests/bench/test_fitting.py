@@ -24,6 +24,7 @@ def test_a_run_recognises_by_pressing_whatever_the_number_of_processes(scan):
     np.testing.assert_array_equal(again.trials.pose, run.trials.pose)
 
 
+@pytest.mark.long
 def test_training_readings_give_the_names_alone(scan):
     blind = Scan(
         np.where((scan.split == "train")[:, None], 0.0, scan.readings),
