@@ -26,6 +26,16 @@ def forces(scan):
     return np.exp(np.random.default_rng(7).uniform(np.log(0.5), np.log(4), (len(scan.readings), 1)))
 
 
+def told(model, label, xy, reading):
+    """Sum a reading's terms at places (..., taxels, 2): (...)."""
+    evidence = model.evidence(reading)
+    tables = model.log_tables(label, xy[..., evidence.taxel, :])
+    terms = np.arange(len(evidence.taxel))
+    return (tables[evidence.table, ..., terms] * evidence.weight.reshape(-1, *[1] * (xy.ndim - 2))).sum(
+        axis=0
+    )
+
+
 @pytest.fixture(scope="module")
 def quiet():
     return make_scan("EL", noise=0.3)
@@ -83,3 +93,14 @@ def test_its_densities_are_what_new_readings_show(scan):
         total.append(((felt - mean) / sd).ravel())
     assert 0.84 < np.concatenate(inside).mean() < 0.94  # 0.866 of a Gaussian; strays widen sd
     assert 0.8 < np.concatenate(total).std() < 1.05
+
+
+def test_a_reading_is_likeliest_where_it_was_taken(quiet, model):
+    test = quiet.where("test", "E")
+    for i in range(0, len(test), 17):
+        if test.readings[i].max() < 15:
+            continue
+        away = np.array([[0, 0, 0], [1.2, 0, 0], [-1.2, 0, 0], [0, 1.2, 0], [0, -1.2, 0]])
+        log_p = told(model, "E", transform(test.poses[i] + away, test.taxel_xy), test.readings[i])
+        assert log_p[0] > log_p[1:].min() + 2
+        assert log_p[0] > log_p[1:].max() - 1

@@ -52,6 +52,19 @@ def test_a_misfit_is_half_of_chi_squared_with_the_planes_integrated_out(mosaics,
         assert found[i] == pytest.approx(readings[i] @ np.linalg.solve(whole, readings[i]) / 2, rel=1e-9)
 
 
+def test_errors_are_as_large_as_learned(mosaics, scan):
+    rng = np.random.default_rng(5)
+    poses = np.column_stack([rng.uniform(-10, 10, (200, 2)), rng.uniform(-np.pi, np.pi, 200)])
+    for label, other in ("EL", "LE"):
+        fresh = tilted_readings(label, poses, rng, scan.taxel_xy)
+        near, far, elsewhere = (part.mean() for part in mosaics.left_out(label))
+        own = mosaics.misfits(label, np.zeros(3), fresh, poses).mean()
+        assert 0.9 * near < own < 1.1 * far
+        assert 18 / 2 < own < 18 * 2  # half of chi^2 of 36 taxels
+        assert mosaics.misfits(other, np.zeros(3), fresh, poses).mean() > 3 * own
+        assert elsewhere > 3 * own
+
+
 @pytest.mark.parametrize(
     ("load", "lean_x", "lean_y"), [(0.7, 0, 0), (1.3, 0, 0), (1, 0.3, -0.3), (0.8, -0.3, 0)]
 )
