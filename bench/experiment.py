@@ -42,7 +42,7 @@ from tactsim.core.scan import train_on
 from tactsim.core.seeds import stream
 from tactsim.core.source_digest import git_commit
 from tactsim.core.workers import worker_processes
-from tactsim.estimators import Estimator, Options, create, names
+from tactsim.estimators import Estimator, Options, create
 from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions
@@ -134,20 +134,12 @@ def perform(
 def estimator_of(config: Config) -> Estimator:
     """Create the estimator that a configuration names. Raises InputError, which says whose an option is."""
     for name, usual in (("bins", "histogram"), ("particles", "particle")):
-        if getattr(config, name, None) is None or name in load(config.estimator).options_type.model_fields:
-            continue
-        in_space = load(config.estimator).in_space
-        others = [other for other in names() if other != usual and load(other).in_space == in_space]
-        others = [other for other in others if name in load(other).options_type.model_fields]
-        if not {"bins", "particles"} & load(config.estimator).options_type.model_fields.keys():
+        given = getattr(config, name, None) is not None
+        if given and name not in load(config.estimator).options_type.model_fields:
             raise InputError(
-                f"--{name} (in Python {name}): estimator {config.estimator} has no budget; leave it out, or take one "
-                f"of {', '.join([usual, *others])}"
+                f"--{name} (in Python {name}): estimator {config.estimator} has none; leave it out, or add --estimator "
+                f"{usual}"
             )
-        raise InputError(
-            f"--{name} (in Python {name}): estimator {config.estimator} has none; add --estimator {usual}, or one of "
-            f"{', '.join(others)}"
-        )
     return create(config.estimator, **config.options)
 
 

@@ -62,14 +62,11 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("--particles 100", "has none; add --estimator particle, or one of augmented-mcl"),
-        (
-            "--estimator nearest --particles 100",
-            "nearest has no budget; leave it out, or take one of particle",
-        ),
+        ("--particles 100", "refined has none; leave it out, or add --estimator particle"),
+        ("--estimator nearest --bins 100", "nearest has none; leave it out, or add --estimator histogram"),
     ],
 )
-def test_a_budget_that_an_estimator_does_not_have_is_refused_with_those_that_have_it(here, words, says):
+def test_a_budget_that_an_estimator_does_not_have_is_refused_with_one_that_has_it(here, words, says):
     refused(here("run", *words.split()), says)
 
 
