@@ -193,20 +193,19 @@ def at_load(scan: Scan, share: float, split: str = "test") -> Scan:
         raise InputError(f"share is {short(share)}; give a share of the load above 0, at most 1")
     chosen = np.flatnonzero(scan.split == split)
     readings, kept = np.array(scan.readings), np.ones(len(scan), dtype=bool)
-    loads = None if scan.loads is None else np.array(scan.loads)
+    of_load = np.ones(len(scan))
     for press in chosen.tolist():
         load = _load(scan, press)
         found, images = moments_of(_images(scan, press), np.array([share]), load)
         if found[0]:
-            readings[press] = images[0]
-            if loads is not None:
-                loads[press] *= share
+            readings[press], of_load[press] = images[0], share
         else:
             kept[press] = plateau(load) is None
     return Scan(
         readings[kept], scan.poses[kept], scan.labels[kept], scan.split[kept], scan.taxel_xy, scan.meta,
-        loads=None if loads is None else loads[kept],
+        loads=None if scan.loads is None else (scan.loads * of_load)[kept],
         presses=None if scan.presses is None else scan.presses[kept],
+        moments=None if scan.moments is None else (scan.moments * of_load)[kept],
     )  # fmt: skip
 
 

@@ -104,7 +104,8 @@ def test_without_a_gauge_the_load_is_what_is_felt_and_its_newtons_are_not_known(
     assert several.meta["moments"]["of"] == "felt"
     assert several.loads is None
     assert several.readings[0].sum() == pytest.approx(PATTERN.sum() / 2, rel=0.01)
-    known = with_moments(replace(scan, loads=[3.0, np.nan]), 2)
+    known = with_moments(replace(scan, loads=[3.0, np.nan], moments=[0.8, 1.0]), 2)
+    assert known.moments[:2].tolist() == [0.4, 0.8]
     assert known.loads[:2].tolist() == [1.5, 3.0]
     assert np.isnan(known.loads[2])
 
@@ -123,10 +124,11 @@ def test_auto_leaves_out_the_shares_that_few_presses_show():
 
 def test_lighter_presses_are_what_was_felt_on_the_rise():
     scan = scan_of([course(rise=40), course(rise=40)])
-    lighter = at_load(replace(scan, loads=[2.0, 2.0]), 0.5)
+    lighter = at_load(replace(scan, loads=[2.0, 2.0], moments=[0.5, 0.5]), 0.5)
     assert np.array_equal(lighter.readings[0], scan.readings[0])
     assert lighter.readings[1] == pytest.approx(pressed(np.array([0.5]))[0], abs=0.15)
     assert lighter.loads.tolist() == [2, 1]
+    assert lighter.moments.tolist() == [0.5, 0.25]
     assert lighter.sequence is None
 
 
