@@ -68,13 +68,13 @@ def test_a_recording_is_played_and_ends(here, recording):
 def test_the_page_is_served_until_the_command_ends(bench):
     process = bench.start("watch", "--port", "simulated:A", "--web", "--web-port", "0")
     url = process.stdout.readline().strip()
-    connection = http.client.HTTPConnection(url.removeprefix("http://").strip("/"), timeout=120)
+    connection = http.client.HTTPConnection(url.removeprefix("http://").strip("/"), timeout=10)
     connection.request("GET", "/")
     assert "simulated:A" in connection.getresponse().read().decode()
     # The page is served before the first reading: a busy machine takes longer than one line until it is there.
     assert any(line.startswith("live") for line in itertools.islice(process.stdout, 60))
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=120)
+    output, errors = process.communicate(timeout=20)
     assert process.returncode == 0, errors
     assert errors == ""
     assert "readings/s" in output
