@@ -45,6 +45,16 @@ def test_a_probe_of_something_else_shows_its_bytes(bench, here):
 
 
 @pytest.mark.long
+def test_an_emulated_pad_that_is_ended_leaves_no_link(bench, tmp_path):
+    process = bench.start("emulate", "--port", "pty:pad")
+    assert process.stdout.readline().strip() == "pad"
+    assert (tmp_path / "pad").is_symlink()
+    process.terminate()
+    process.wait(30)
+    assert not (tmp_path / "pad").is_symlink()
+
+
+@pytest.mark.long
 def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2",
                   "--scan-set", "placement_tilt=0"):  # fmt: skip

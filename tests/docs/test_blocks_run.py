@@ -88,7 +88,7 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     finally:
         for process in behind:
             process.send_signal(signal.SIGINT)
-            process.wait(120)
+            process.wait(30)
 
 
 def run(block, names, behind, done):

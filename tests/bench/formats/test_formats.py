@@ -10,7 +10,7 @@ from made_scans import make_scan, scans
 from small_runs import make_run_in
 
 from tactsim.bench import formats
-from tactsim.core import InputError
+from tactsim.core import InputError, Scan
 
 
 def place(folder, name, stem="out"):
@@ -99,6 +99,20 @@ def test_a_scan_travels_by_the_command_line(name, tmp_path, here, scan_file):
     assert f"768 readings of I O, 36 taxels, as {name}" in done.stdout
     assert here("import", path, "--out", "again.npz").returncode == 0
     assert (tmp_path / "again.npz").read_bytes() == scan_file.read_bytes()
+
+
+def test_a_licence_is_stated_once(tmp_path, here, rng, scan_file):
+    make_scan(rng).save(tmp_path / "own.npz")
+    assert (
+        here("export", "own.npz", "--to", "hdf5", "--out", "own.h5", "--licence", "CC0-1.0").returncode == 0
+    )
+    assert formats.read(tmp_path / "own.h5").about["licence"] == "CC0-1.0"
+    refused(
+        here("export", scan_file, "--to", "hdf5", "--out", "ours.h5", "--licence", "MIT"), "CC-BY-4.0", "MIT"
+    )
+    assert here("import", "own.h5", "--out", "again.npz", "--licence", "CC0-1.0").returncode == 0
+    refused(here("import", "own.h5", "--out", "other.npz", "--licence", "MIT"), "CC0-1.0")
+    assert Scan.load(tmp_path / "again.npz").meta == {"licence": "CC0-1.0"}
 
 
 @pytest.fixture(scope="module")
