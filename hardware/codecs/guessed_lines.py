@@ -126,7 +126,7 @@ def guess_lines(data: bytes) -> GuessedLines | None:
 
 
 def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
-    """Find frames of two or more rows between empty lines."""
+    """Find frames of two or more rows between lines that are no rows."""
     ends = [at for at, row in enumerate(fields) if _parts_frames(row)]
     frames = [fields[first + 1 : last] for first, last in pairwise(ends)]
     shapes = Counter((len(frame), len(frame[0])) for frame in frames if len({len(row) for row in frame}) == 1)

@@ -109,8 +109,9 @@ class LinesCodec(CountsCodec):
             end = _END.search(buffer, start)
             return (end.start() if end else len(buffer)) - start, None
         line, used = self._line(buffer, start)
-        frame = self._frame(self._fields(line)) if used and self._is_right(line) else None
-        if used and frame is None and self.format.checksum is None and not numbers_in(self._fields(line)):
+        fields = self._fields(line)
+        frame = self._frame(fields) if used and self._is_right(line) else None
+        if used and frame is None and self.format.checksum is None and not numbers_in(fields):
             fields, of_rows = self._rows(buffer, start + used)
             frame = self._frame(fields) if fields else None
             used = 0 if of_rows is None else used + (of_rows if frame else 0)
