@@ -158,12 +158,6 @@ def between(normals: Reals, face: int, other: int) -> float:
     return normals[0, face] * x + normals[1, face] * y + normals[2, face] * z
 
 
-@compiled(float64(REALS_2D, int64), called_from_python=False)
-def squared(vectors: Reals, i: int) -> float:
-    """Give the squared length of a vector of (n, 3)."""
-    return vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2
-
-
 @compiled(void(REALS_2D, int64, REALS_2D, REALS), called_from_python=False)
 def project(normals: Reals, face: int, vectors: Reals, parts: Reals) -> None:
     """Fill parts (k,) with those along a normal of (3, f) of vectors (3, k)."""
@@ -259,10 +253,6 @@ def enter(
             i, first = start + k, worst[k]
             line = i if own else 0
             if first < 0 or not np.isfinite(gap[i]):
-                continue
-            # A wall farther from the cell's middle than its corners does not cross it.
-            if 2 * most[k] * most[k] >= squared(span_u, line) + squared(span_v, line):
-                share[i] = 1.0 if most[k] < 0 else 0.0
                 continue
             part = along(normals, first, ways, line)
             steep = math.sqrt(max(1 - part * part, SMALL))
