@@ -1,11 +1,11 @@
-"""How far recorded readings, and their classes, are from predicted ones."""
+"""How far recorded readings are from predicted ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 
@@ -43,16 +43,6 @@ def taxel_error(recorded: FloatArray, predicted: FloatArray) -> TaxelError:
         per_taxel=np.sqrt((difference**2).mean(axis=0)),
         per_press=np.sqrt((difference**2).mean(axis=1)),
     )
-
-
-def class_agreement(one: ArrayLike, other: ArrayLike, kinds: int) -> tuple[float, NDArray[np.int64]]:
-    """Compare two classifications (n, taxels) of the same taxels into classes 0 to kinds - 1.
-
-    Returns the share that agrees and the counts (kinds, kinds), rows for the first.
-    """
-    pairs = kinds * np.asarray(one, dtype=np.int64).ravel() + np.asarray(other, dtype=np.int64).ravel()
-    counts = np.bincount(pairs, minlength=kinds * kinds).reshape(kinds, kinds)
-    return float(np.trace(counts) / counts.sum()), counts
 
 
 def untouched(predicted: FloatArray) -> NDArray[np.bool_]:

@@ -23,12 +23,6 @@ def command(
         list[str] | None, typer.Option("--set", help="An option of the estimators, key=value.")
     ] = None,
     trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
-    ablate: Annotated[
-        bool,
-        typer.Option(
-            "--ablate", help="Train the first estimator in worlds with one part of the fit more at a time."
-        ),
-    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(help="A new folder for validation.json and world.toml, for `bench scan --world`."),
@@ -36,7 +30,7 @@ def command(
     seed: shared.Seed = 0,
     as_json: shared.AsJson = False,
 ) -> None:
-    """Compare a simulated with a recorded scan: readings, sensor parameters, classes, recognition."""
+    """Compare a simulated with a recorded scan: readings, sensor parameters, recognition."""
     import json
     from functools import partial
 
@@ -56,7 +50,7 @@ def command(
     with kept_clear(as_json), progress_bars() as progress:
         result = validation.validate(
             load_scan(simulated), load_scan(recorded), estimators=estimator or ("refined", "histogram"),
-            options=key_values(settings or (), "--set"), trials=trials, seed=seed, ablate=ablate, progress=progress,
+            options=key_values(settings or (), "--set"), trials=trials, seed=seed, progress=progress,
         )  # fmt: skip
     answer = validation.as_json(result)
 

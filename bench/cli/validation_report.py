@@ -10,7 +10,7 @@ from rich.console import Console
 from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.pad.trained_elsewhere import TOUCHES
-from tactsim.bench.pad.validation import CLASSES, ROWS
+from tactsim.bench.pad.validation import ROWS
 
 if TYPE_CHECKING:
     from tactsim.bench.pad.validation import Validation
@@ -37,7 +37,6 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         console.print(_outlines(result), soft_wrap=True)
     for name, value in result.clipped.items():
         console.print(f"bound   {name} {value:.4g} is beyond what a scan takes; the world has the bound")
-    _show_classes(console, result)
     _show_parts(console, result)
     _show_recognition(console, result)
     if out is not None:
@@ -152,18 +151,6 @@ def _range(low: float, high: float) -> str:
     return f"{low:,.4g} to {high:,.4g}" if low else f"at most {high:,.4g}"
 
 
-def _show_classes(console: Console, result: Validation) -> None:
-    console.print(
-        f"eq. 3   with T = {result.threshold:.3g} and ratio {result.ratio:g}: {100 * result.class_agreement:.1f} % of "
-        f"the taxels in the same class; fitted simulation against itself {100 * result.class_ceiling:.1f} %",
-        soft_wrap=True,
-    )
-    counts = plain_table("recorded \\ simulated", *CLASSES)
-    for name, row in zip(CLASSES, result.class_counts, strict=True):
-        counts.add_row(name, *(f"{count:,}" for count in row))
-    console.print(counts)
-
-
 def _show_parts(console: Console, result: Validation) -> None:
     table = plain_table("distance with", f"rms {result.unit}", "of the squares", "95 %")
     for part in result.parts:
@@ -188,23 +175,6 @@ def _show_recognition(console: Console, result: Validation) -> None:
                 "-" if error is None else f"{error:.2f}",
             )  # fmt: skip
     console.print(table)
-    if result.drops:
-        table = plain_table(
-            "beside recorded training", "trained on", f"fewer right @{result.drop_at}", "95 %"
-        )
-        for name, lost in result.drops.items():
-            for side, (by, low, high) in lost.items():
-                table.add_row(name, _TRAINED[side], f"{by:+.2f}", f"{low:+.2f} to {high:+.2f}")
-        console.print(table)
-    if result.worlds:
-        table = plain_table("trained in a world with", f"@{result.drop_at}", "95 % from", "gained")
-        for row in result.worlds:
-            by, low, high = row["gained"]
-            table.add_row(
-                row["with"], f"{row['accuracy']:.2f}", _reached(row["touches_to_95"]),
-                f"{by:+.2f} ({low:+.2f} to {high:+.2f})",
-            )  # fmt: skip
-        console.print(table)
 
 
 def _reached(touches: int | None) -> str:

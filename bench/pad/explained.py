@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from tactsim.bench.config import merged
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded
-from tactsim.bench.pad.trained_elsewhere import drop, recognised
-from tactsim.bench.trials import Progress
-from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
-from tactsim.core.scan import Scan
 from tactsim.hardware.gain_fit import best_gain
 from tactsim.hardware.sensor_fit import SensorFit
-from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scanning import scan_letters
 
 _AGAIN = 400  # bootstrap samples
-
-# What of a world each part of the fit is.
-_OF_WORLD: dict[str, tuple[str, ...]] = {
-    "gain": ("unit", "press.force", "sensor.response_pressure"),
-    "point spread": ("sensor.psf_sigma",),
-    "response": ("sensor.response",),
-    "noise": ("sensor.noise", "sensor.resolution"),
-    "taxel gains": ("sensor.gain_spread",),
-    "texture": ("sensor.texture",),
-    "stray contacts": ("sensor.random_taxels",),
-    "placement": ("placement_mm", "placement_rad"),
-    "load": ("load_spread",),
-    "tilt, layer and wrist": (
-        "placement_tilt", "press.tilt_x", "press.tilt_y", "press.stiffness", "press.wrist_stiffness",
-    ),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -114,50 +89,3 @@ def explained(
 
 def _squares(recorded: FloatArray, image: FloatArray, gain: float) -> FloatArray:
     return (np.nan_to_num(recorded - gain * image) ** 2).sum(axis=1)
-
-
-def ablation(
-    options: ScanOptions,
-    world: Mapping[str, Any],
-    recorded: Scan,
-    estimator: str,
-    settings: Mapping[str, Any],
-    trials: int,
-    touch: int,
-    seed: int,
-    progress: Progress,
-) -> list[dict[str, Any]]:
-    """Train on scans of worlds with one part of the fitted `world` more at a time, and recognise recorded presses.
-
-    Returns for each part the share right after `touch` touches and how much it changes, with a 95 % interval by
-    bootstrap over trials, which have the same touches in all worlds.
-    """
-    rng = np.random.default_rng(seed)
-    values = options.model_dump(mode="json", exclude={"seed"})
-    values["unit"] = world["unit"]
-    rows, before = [], None
-    for name, of_world in {"as simulated": (), **_OF_WORLD}.items():
-        for path in of_world:
-            values = merged(values, _at(path, world))
-        scan, _ = scan_letters(checked(ScanOptions, {**values, "seed": seed}, "world"))
-        figures, right = recognised(scan, recorded, estimator, settings, trials, seed, progress)
-        gained = (0.0, 0.0, 0.0) if before is None else drop(before, right, touch, rng)
-        rows.append(
-            {
-                "with": name,
-                "accuracy": figures["accuracy"][touch - 1],
-                "touches_to_95": figures["touches_to_95"],
-                "gained": gained,
-            }
-        )
-        before = right
-    return rows
-
-
-def _at(path: str, world: Mapping[str, Any]) -> dict[str, Any]:
-    """Take one value of a nested world, nested as it was."""
-    group, _, name = path.rpartition(".")
-    inner = world.get(group, {}) if group else world
-    if name not in inner:
-        return {}
-    return {group: {name: inner[name]}} if group else {name: inner[name]}

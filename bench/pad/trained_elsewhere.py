@@ -28,11 +28,10 @@ def recognised(
     trials: int,
     seed: int,
     progress: Progress,
-) -> tuple[dict[str, Any], NDArray[np.bool_]]:
+) -> dict[str, Any]:
     """Train on one scan and recognise the test presses of a recorded one, or all if it has none.
 
-    Returns the figures, and which of the trials were right after each touch, (trials, touches). The same seed gives the
-    same touches whatever was trained on.
+    The same seed gives the same touches whatever was trained on.
     """
     scan = train_on(train.of_letters(recorded.letters), recorded)
     fewest = min(len(scan.where("test", letter)) for letter in scan.letters)
@@ -54,7 +53,7 @@ def recognised(
         "touches_to_95": touches_to(accuracy),
         "error_mm": errors[-1],
         "options": run.about["options"],
-    }, right
+    }
 
 
 def touches_to(accuracy: Sequence[float] | NDArray[np.float64]) -> int | None:
@@ -62,13 +61,3 @@ def touches_to(accuracy: Sequence[float] | NDArray[np.float64]) -> int | None:
     below = np.flatnonzero(np.asarray(accuracy) < _RIGHT)
     first = int(below[-1]) + 2 if len(below) else 1
     return first if first <= len(accuracy) else None
-
-
-def drop(
-    simulated: NDArray[np.bool_], recorded: NDArray[np.bool_], touch: int, rng: np.random.Generator
-) -> tuple[float, float, float]:
-    """Give by how much fewer trials are right after a touch, with a 95 % interval by bootstrap over paired trials."""
-    apart = recorded[:, touch - 1].astype(float) - simulated[:, touch - 1]
-    again = rng.choice(apart, (1000, len(apart))).mean(axis=1)
-    low, high = np.quantile(again, [0.025, 0.975])
-    return float(apart.mean()), float(low), float(high)

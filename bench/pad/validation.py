@@ -1,4 +1,4 @@
-"""Validate the simulation against a recording: readings, sensor parameters, classes, recognition."""
+"""Validate the simulation against a recording: readings, sensor parameters, recognition."""
 
 from __future__ import annotations
 
@@ -9,23 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.pad.explained import Part, ablation, explained
+from tactsim.bench.pad.explained import Part, explained
 from tactsim.bench.pad.fitted_world import clipped, fitted_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
-from tactsim.bench.pad.trained_elsewhere import drop, recognised
+from tactsim.bench.pad.trained_elsewhere import recognised
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
-from tactsim.estimators.likelihoods.classifier import classify, threshold_of
 from tactsim.hardware.gain_fit import best_gain
 from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
-from tactsim.hardware.taxel_error import TaxelError, class_agreement, taxel_error
+from tactsim.hardware.taxel_error import TaxelError, taxel_error
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import scan_letters
 
-CLASSES = ("no contact", "in contact", "unknown")
 ROWS = {
     "as_it_is": "simulation as it is",
     "one_gain": "times one gain",
@@ -37,7 +35,6 @@ _MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and chang
 _FEWEST_PRESSES = 60
 _FOLDS = 10
 _ALIKE = 0.99  # correlation of two presses at one pose, from which on they are one press for a fit
-_TOUCH = 5  # after which the drop is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +43,9 @@ class Validation:
 
     readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
     many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
-    outlined: letters whose outlines were fitted, in the order of `fit.grown`. threshold, ratio: of eq. 3, as the first
-    estimator had them. class_agreement: the share of taxels that eq. 3 puts in the same class for recorded readings and
-    those of the fitted simulation.
-    class_ceiling: the same for two simulations with different noise, which is as good as it can get. class_counts:
-    (3, 3) taxels, rows by recorded class, columns by simulated class. recognition: by estimator and what it was trained
-    on, see `recognised`; drops: how much the simulated ones lose beside the recorded one after `drop_at` touches, with
-    intervals. parts: how much of the distance goes with each part of the fit. worlds: the same for the share right,
-    if asked for. parameters: a world file. clipped: what was found beyond a world's bounds.
+    outlined: letters whose outlines were fitted, in the order of `fit.grown`. recognition: by estimator and what it was
+    trained on, see `recognised`. parts: how much of the distance goes with each part of the fit. parameters: a world
+    file. clipped: what was found beyond a world's bounds.
     """
 
     readings: int
@@ -66,16 +58,8 @@ class Validation:
     errors: dict[str, TaxelError]
     fit: SensorFit
     outlined: tuple[str, ...]
-    threshold: float
-    ratio: float
-    class_agreement: float
-    class_ceiling: float
-    class_counts: NDArray[np.int64]
     recognition: dict[str, dict[str, dict[str, Any]]]
-    drops: dict[str, dict[str, tuple[float, float, float]]]
-    drop_at: int
     parts: list[Part]
-    worlds: list[dict[str, Any]]
     parameters: dict[str, Any]
     clipped: dict[str, float]
 
@@ -88,7 +72,6 @@ def validate(
     options: dict[str, Any] | None = None,
     trials: int = 10,
     seed: int = 0,
-    ablate: bool = False,
     progress: Progress,
 ) -> Validation:
     """Compare a recorded scan with a simulated one that says how it was made.
@@ -96,7 +79,6 @@ def validate(
     The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
     Near copies of a press are averaged for the fit (`numbers_of_copies`); its noise is that of single presses.
-    ablate: whether scans are made, and the first estimator trained, with one part of the fit more at a time.
     Raises InputError if the recorded letters or taxels are not in the simulation, for presses that cannot be its own
     (`check_presses`), or for an estimator or option that does not exist.
     """
@@ -122,56 +104,26 @@ def validate(
     if used.sum() > len(few):
         expected = fitted[(np.cumsum(chosen) - 1)[copies[used]]]
         fit = replace(fit, noise=noise_of(single.readings[used] - expected, expected))
-    errors = dict(
-        zip(
-            ROWS,
-            (
-                _error(few, predicted)
-                for predicted in (
-                    as_it_is, best_gain(few.readings, as_it_is) * as_it_is, fitted, fit.held_out_placed, fit.held_out
-                )
-            ),
-            strict=True,
-        )
+    predictions = (
+        as_it_is, best_gain(few.readings, as_it_is) * as_it_is, fitted, fit.held_out_placed, fit.held_out,
     )  # fmt: skip
+    errors = {name: _error(few, predicted) for name, predicted in zip(ROWS, predictions, strict=True)}
     world = fitted_world(presses.options, fit, unit)
     scan_options = checked(ScanOptions, {**world, "seed": seed}, "fitted world")
     fitted_scan, _ = scan_letters(scan_options, progress=lambda done, total: progress("press", done, total))
     trained = {"simulated": _in_unit(simulated, unit), "fitted": fitted_scan}
     if apart:
         trained["recorded"] = recorded.where("train")
-    rng = np.random.default_rng(seed)
-    recognition, drops, rights = {}, {}, {}
-    touch = _TOUCH
-    for number, name in enumerate(estimators):
-        found = {
+    recognition = {
+        name: {
             side: recognised(
                 scan, recorded, name, options or {}, trials, seed,
                 _part_of(progress, number * len(trained) + part, len(estimators) * len(trained)),
             )
             for part, (side, scan) in enumerate(trained.items())
-        }  # fmt: skip
-        recognition[name] = {side: figures for side, (figures, _) in found.items()}
-        rights[name] = {side: right for side, (_, right) in found.items()}
-        touch = min(touch, *(right.shape[1] for right in rights[name].values()))
-    for name, right in rights.items():
-        if "recorded" in right:
-            drops[name] = {
-                side: drop(right[side], right["recorded"], touch, rng) for side in ("simulated", "fitted")
-            }
-    learned = recognition[estimators[0]]["recorded" if apart else "fitted"]["options"]
-    threshold = threshold_of(learned.get("threshold", 2.0), recorded.readings)
-    ratio = float(learned.get("ratio", 0.3))
-    one, other = (_noisy(fitted, fit, np.random.default_rng([seed, k])) for k in range(2))
-    rested = np.isfinite(one + other).all(axis=1)
-    classes = [classify(readings[rested], threshold, ratio) for readings in (few.readings, one, other)]
-    agreement, counts = class_agreement(classes[0], classes[1], len(CLASSES))
-    ceiling, _ = class_agreement(classes[1], classes[2], len(CLASSES))
-    worlds = []
-    if ablate:
-        worlds = ablation(
-            presses.options, world, recorded, estimators[0], options or {}, trials, touch, seed, progress
-        )
+        }
+        for number, name in enumerate(estimators)
+    }  # fmt: skip
     return Validation(
         readings=len(recorded),
         used=int(used.sum()),
@@ -183,16 +135,8 @@ def validate(
         errors=errors,
         fit=fit,
         outlined=presses.outlined,
-        threshold=threshold,
-        ratio=ratio,
-        class_agreement=agreement,
-        class_ceiling=ceiling,
-        class_counts=counts,
         recognition=recognition,
-        drops=drops,
-        drop_at=touch,
-        parts=explained(few.readings, presses, fit, rng),
-        worlds=worlds,
+        parts=explained(few.readings, presses, fit, np.random.default_rng(seed)),
         parameters=world,
         clipped=clipped(presses.options, fit),
     )
@@ -264,10 +208,6 @@ def _part_of(progress: Progress, number: int, parts: int) -> Progress:
             progress("trials", number * total + done, parts * total)
 
     return report
-
-
-def _noisy(fitted: FloatArray, fit: SensorFit, rng: np.random.Generator) -> FloatArray:
-    return fitted + fit.noise * rng.standard_normal(fitted.shape)
 
 
 def _error(recorded: Scan, predicted: FloatArray) -> TaxelError:

@@ -3,7 +3,7 @@ import pytest
 
 from tactsim.core import InputError, Pad, compose, transform
 from tactsim.hardware.sensor_fit import Guess, fit_sensor
-from tactsim.hardware.taxel_error import class_agreement, taxel_error
+from tactsim.hardware.taxel_error import taxel_error
 
 
 class Bumps:
@@ -149,9 +149,3 @@ def test_errors_are_counted_by_hand():
     assert error.per_taxel == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
     assert error.per_press == pytest.approx([np.sqrt(4.5), np.sqrt(0.5)])
     assert error.correlation == pytest.approx(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1])
-
-
-def test_classes_are_compared_taxel_by_taxel():
-    share, counts = class_agreement([[0, 1, 2], [1, 1, 0]], [[0, 2, 2], [1, 0, 0]], 3)
-    assert share == pytest.approx(4 / 6)
-    assert counts.tolist() == [[2, 0, 0], [1, 1, 1], [0, 0, 1]]
