@@ -26,8 +26,7 @@ from tactsim.core.scan import MOST_TURNED, Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
-from tactsim.hardware.following import Follower
-from tactsim.hardware.gathered import Gathered, Moments
+from tactsim.hardware.press_readings import Moments, PressReadings, Window
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
@@ -125,66 +124,43 @@ def scan_of_sessions(
         if session.pad != pad:
             raise InputError(f"{session.path} was recorded with another pad than {sessions[0].path}")
         kept &= session.kept()
-    gathered = Gathered(pad, pad.taxel_xy[kept], moments, at_load)
-    spreads, about = [], []
-    for session in sessions:
-        means, spread, follower = _means(session, kept, gathered.shares)
-        plan = session.plan
-        presses = [(plan.label, plan.split, plan.poses[number]) for number in means]
-        gathered.add(np.array(list(means.values())).reshape(-1, int(kept.sum())), presses, follower)
-        spreads.append(spread)
-        about.append(_about(session))
-    if not gathered.labels:
+    read = PressReadings(pad, pad.taxel_xy[kept], moments, at_load)
+    taken = [_taken(session) for session in sessions]
+    if not any(taken):
         raise InputError(f"{paths[0]}: no press was recorded yet")
+    for session, windows in zip(sessions, taken, strict=True):
+        read.take(_corrected(session, kept), windows)
     meta = {
         "source": "recorded",
         "pad": pad.model_dump(mode="json"),
         "versions": {"tactsim": version("tactsim")},
-        "recordings": about,
-        "frame_noise_kpa": float(np.median(np.concatenate(spreads))) if any(map(len, spreads)) else None,
+        "recordings": [_about(session) for session in sessions],
+        "frame_noise_kpa": float(np.median(read.spreads)) if read.spreads else None,
     }
-    return gathered.scan(meta)
+    return read.scan(meta)
 
 
-def _means(
-    session: SessionRecord, kept: NDArray[np.bool_], shares: FloatArray | None
-) -> tuple[dict[int, FloatArray], FloatArray, Follower]:
-    """Average the readings of each press, {number: (kept,) kPa}, by number; the frames' sd in each taxel and press.
+def _taken(session: SessionRecord) -> list[Window]:
+    """List the presses that were taken, by number, and which readings of the recording each is."""
+    plan = session.plan
+    return [
+        Window(press.first, press.first + press.count - 1, plan.label, plan.split, plan.poses[number])
+        for number, press in sorted(session.presses.items())
+        if press.what == "taken"
+    ]
 
-    Also gives who followed the recording, whose windows are the presses by number.
-    """
-    wanted = sorted(
-        (press for press in session.presses.values() if press.what == "taken"), key=lambda press: press.first
-    )
-    sums = {press.number: np.zeros((2, int(kept.sum()))) for press in wanted}
-    corrections = [
-        (first, None if calibration is None else Correction(calibration, session.pad))
+
+def _corrected(session: SessionRecord, kept: NDArray[np.bool_]) -> Iterator[tuple[float, FloatArray]]:
+    """Give the readings of a session by number, on the taxels `kept`, each corrected as its segment says."""
+    corrections = {
+        first: None if calibration is None else Correction(calibration, session.pad)
         for first, calibration in session.calibrations
-    ]
-    numbered = sorted(wanted, key=lambda press: press.number)
-    follower = Follower([(press.first, press.first + press.count - 1) for press in numbered], shares)
-    following, active = iter(wanted), []
-    upcoming = next(following, None)
+    }
+    correction = None
     for number, reading in enumerate(Replay(session.path, corrected=False)):
-        while upcoming is not None and upcoming.first <= number:
-            active.append(upcoming)
-            upcoming = next(following, None)
-        correction = [correction for first, correction in corrections if first <= number][-1]
-        values = (reading.pressures if correction is None else correction.whole(reading.pressures))[kept]
-        follower.take(number, values)
-        for press in active:
-            sums[press.number] += (values, values**2)
-        active = [press for press in active if number + 1 < press.first + press.count]
-    follower.end()
-    means = {press.number: sums[press.number][0] / press.count for press in numbered}
-    spread = [
-        np.sqrt(
-            np.maximum(sums[press.number][1] - press.count * means[press.number] ** 2, 0) / (press.count - 1)
-        )
-        for press in wanted
-        if press.count > 1
-    ]
-    return means, np.concatenate(spread) if spread else np.zeros(0), follower
+        correction = corrections.get(number, correction)
+        pressures = reading.pressures if correction is None else correction.whole(reading.pressures)
+        yield number, pressures[kept]
 
 
 def _about(session: SessionRecord) -> dict[str, Any]:
@@ -321,41 +297,41 @@ def scan_of_intervals(
     Raises InputError if an interval holds no reading, ends behind the last one, a link was lost within it, or moments
     are wanted and no press has any.
     """
-    gathered = Gathered(source.pad, source.taxel_xy, moments, at_load)
-    follower = Follower([(each.first_s, each.last_s) for each in intervals], gathered.shares)
-    sums = np.zeros((len(intervals), len(source.taxel_xy)))
-    counts = np.zeros(len(intervals), dtype=int)
-    first, last = (np.array([getattr(each, name) for each in intervals]) for name in ("first_s", "last_s"))
-    times: list[float] = []
-    begin = 0.0
-    for reading in source:
-        time = reading.host_time if reading.device_time is None else reading.device_time
-        begin = begin if times else time
-        times.append(time - begin)
-        inside = (first <= times[-1]) & (times[-1] <= last)
-        if reading.after_loss and (inside & (counts > 0)).any():
-            broken = intervals[int(np.argmax(inside & (counts > 0)))]
-            raise InputError(
-                f"the pad was lost between {broken.first_s:g} and {broken.last_s:g} s ({broken.label}): what was "
-                "pressed before and after it is not one press"
-            )
-        sums[inside] += reading.pressures
-        counts += inside
-        follower.take(times[-1], reading.pressures)
-    follower.end()
+    read, times = PressReadings(source.pad, source.taxel_xy, moments, at_load), list[float]()
+    windows = [Window(each.first_s, each.last_s, each.label, each.split, each.pose) for each in intervals]
+    empty = read.take(_timed(source, intervals, times), windows)
     _check_within(intervals, times)
-    if not counts.all():
-        empty = intervals[int(np.argmin(counts))]
-        raise InputError(f"no reading lies between {empty.first_s:g} and {empty.last_s:g} s ({empty.label})")
+    for window in empty:
+        raise InputError(f"no reading lies between {window.first:g} and {window.last:g} s ({window.label})")
     meta = {
         "source": "recorded",
         "pad": source.pad.model_dump(mode="json"),
         "versions": {"tactsim": version("tactsim")},
         **({} if source.unit == "kPa" else {"unit": source.unit}),
     }
-    presses = [(each.label, each.split, each.pose) for each in intervals]
-    gathered.add(sums / counts[:, None], presses, follower)
-    return gathered.scan(meta)
+    return read.scan(meta)
+
+
+def _timed(
+    source: Source, intervals: Sequence[Interval], times: list[float]
+) -> Iterator[tuple[float, FloatArray]]:
+    """Give the readings of a recording by their times, s from the first, which `times` collects.
+
+    Raises InputError if a link was lost within an interval.
+    """
+    begin = 0.0
+    for reading in source:
+        time = reading.host_time if reading.device_time is None else reading.device_time
+        begin = begin if times else time
+        times.append(time - begin)
+        if reading.after_loss and len(times) > 1:
+            for each in intervals:
+                if each.first_s <= times[-2] and times[-1] <= each.last_s:
+                    raise InputError(
+                        f"the pad was lost between {each.first_s:g} and {each.last_s:g} s ({each.label}): what was "
+                        "pressed before and after it is not one press"
+                    )
+        yield times[-1], reading.pressures
 
 
 def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None:
