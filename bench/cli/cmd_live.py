@@ -1,4 +1,4 @@
-"""`bench live`: recognition while somebody presses; of a real pad, a simulated object or a recording."""
+"""`bench live`: recognition while somebody presses; of a real pad or a simulated object."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def command(
         list[str],
         typer.Option(
             help="Where the pad is, as for `bench watch`. simulated:A hides an A, which is pressed where it is asked "
-            "for; recording:FILE plays a guided session. Repeat for a pad on several ports."
+            "for. Repeat for a pad on several ports."
         ),
     ],
     train_scan: Annotated[
@@ -67,7 +67,7 @@ def command(
     ] = False,
 ) -> None:
     """Recognise what is pressed, touch by touch; says which letter, where, and where to press next."""
-    from contextlib import ExitStack
+    from contextlib import nullcontext
 
     import numpy as np
 
@@ -76,7 +76,7 @@ def command(
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
-    from tactsim.bench.watching.pressed_source import open_pressed
+    from tactsim.bench.watching.pressed_source import HiddenObject, open_pressed
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.told import Told
     from tactsim.bench.watching.touch_leader import TouchLeader
@@ -97,39 +97,31 @@ def command(
         raise proposes_none(estimator)
     ask = made.proposes and explore != "random"
     console = plain_console(stderr=as_json)
-    pressed = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
-    with pressed.source as source, ExitStack() as stack:
-        reader = PadReader(source, pressed.device, " ".join(port))
-        if pressed.plan is not None:  # a pad speaks while the estimator learns
-            stack.enter_context(reader)
+    opened, plan = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
+    # A pad speaks while the estimator learns.
+    with opened as source, PadReader(source, described, " ".join(port)) as reader:
         with progress_bars() as progress:
             train = on_taxels(
-                _training(train_scan, pressed.device, shapes or (), progress),
+                _training(train_scan, described, shapes or (), progress),
                 source.taxel_xy,
                 str(train_scan or "the simulation"),
             )
-            candidates = np.array(pressed.plan.poses) if pressed.plan and ask else None
             progress("map", 0, 1)
-            recogniser = Recogniser.fitted(made, train, seed, candidates)
+            recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if ask else None)
             progress("map", 1, 1)
-        leading = pressed.leading(recogniser, "information" if ask else "random", seed)
-        told = Told(leading, train, maps_of(made), source, pressed.truth, from_behind)
-        reader.on_reading = leading.take
-        if isinstance(leading, TouchLeader):
-            reader.on_tare = leading.tared
+        hand = source if isinstance(source, HiddenObject) else None
+        leading = TouchLeader(recogniser, plan, source.pad, "information" if ask else "random", seed, hand)
+        told = Told(leading, train, maps_of(made), source, from_behind)
+        reader.on_reading, reader.on_tare = leading.take, leading.tared
         page = None
         if web:
             page = WebPage(
                 reader, web_port, from_behind=from_behind, about=told.about(), more=told.event,
                 commands=leading.commands(),
             )  # fmt: skip
-            stack.enter_context(page)
-        stack.enter_context(leading)
-        if pressed.plan is None:
-            stack.enter_context(reader)
-        live(
-            reader, told, console, readings=readings, as_json=as_json, page=None if page is None else page.url
-        )
+        with page or nullcontext(), leading:
+            url = None if page is None else page.url
+            live(reader, told, console, readings=readings, as_json=as_json, page=url)
         reader.check()
         if leading.error is not None:
             raise leading.error

@@ -1,4 +1,4 @@
-"""Recognition on the terminal while somebody presses: the pad, the object that is believed in, and how surely."""
+"""Recognition on the terminal while somebody presses: what is asked for, the pad, and what is believed."""
 
 from __future__ import annotations
 
@@ -7,33 +7,24 @@ import sys
 import time
 from collections.abc import Callable
 
-import numpy as np
 from rich.console import Console, Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from tactsim.bench.watching.pad_view import PadReader, PadView
-from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.told import Told
 from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state_text
 from tactsim.core.errors import printable
-from tactsim.core.poses import FloatArray, invert, transform
-from tactsim.estimators import NONE
-from tactsim.hardware.terminal_pictures import characters, in_rows, shade
-from tactsim.press.clip import covers
+from tactsim.core.poses import FloatArray
 
 _COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
 _KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
-_CELL = 1.0  # mm of one character, which is twice as high as wide
-_SCENE = (40, 16)  # characters
-_BAR = 20
 
 
 def live(
     reader: PadReader, told: Told, console: Console, *, readings: int | None, as_json: bool, page: str | None
 ) -> None:
-    """Show what is believed until q, Ctrl-C, the end of a recording, or `readings` touches.
+    """Show what is believed until q, Ctrl-C, the end of the source, or `readings` touches.
 
     Where nobody can begin anew, without keys and without a page, it ends when every pose was tried, too.
     as_json: print one JSON object a touch on standard output, and nothing else there.
@@ -73,13 +64,8 @@ def _obey(key: str, told: Told) -> None:
 
 def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page: str | None) -> Group:
     colours = console.color_system is not None and not console.no_color
+    width, height = console.size
     now = told.leading.view()
-    belief = now.belief
-    pad = pad_lines(view, reader, width=26, height=8, from_behind=told.from_behind, colours=colours)
-    left: list[RenderableType] = [scene(told, belief, now.asked, colours)]
-    right: list[RenderableType] = [*pad, Text(), *_bars(belief)]
-    table = Table.grid(padding=(0, 1))
-    table.add_row(Group(*left), Group(*right))
     lines: list[RenderableType] = [
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks(view, now),
@@ -87,9 +73,9 @@ def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page
         Text(
             printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
         ),
-        table,
-        Text(printable(told.line(belief)), "bold"),
-        Text(_KEYS if told.leading.commands() else "q quit", "dim", no_wrap=True),
+        *pad_lines(view, reader, width=width - 1, height=height - 9, from_behind=told.from_behind, colours=colours),
+        Text(printable(told.line(now.belief)), "bold"),
+        Text(_KEYS, "dim", no_wrap=True),
     ]
     return Group(*lines)
 
@@ -104,69 +90,12 @@ def asks(view: PadView, now: LiveView) -> Text:
     return text
 
 
-def scene(told: Told, belief: Belief, asked: FloatArray | None, colours: bool) -> Text:
-    """Draw the most probable letter, the last touch on it in colours, and a frame of `o` where the next goes.
-
-    A letter whose shape nobody knows is not drawn.
-    """
-    columns, rows = _SCENE
-    points = characters(columns, rows, _CELL)
-    marks = np.full(len(points), " ", dtype=object)
-    styles = np.full(len(points), "", dtype=object)
-    places = belief.sensor_in_object
-    if belief.estimate is None or places is None:
-        return Text("\n".join([" " * columns] * rows))
-    if belief.estimate.label == NONE:
-        words = "none of the known letters"
-        return Text(
-            "\n".join([words.center(columns) if row == rows // 2 else "" for row in range(rows)]), "bold"
-        )
-    pad = told.pad
-    half = np.array([pad.column_edges.max(), pad.row_edges.max()])
-    if outline := told.outlines[belief.estimate.label]:
-        on_letter = covers(outline, points)
-        marks[on_letter] = "#"
-        styles[on_letter] = "dim"
-    image = told.image(belief)
-    felt = transform(invert(places[-1]), points)
-    inside = (np.abs(felt) <= half).all(axis=1)
-    if image is not None and inside.any():
-        nearest = np.abs(felt[inside, None] - pad.taxel_xy[None]).max(axis=-1).argmin(axis=1)
-        most = max(float(np.nanmax(image)), 1e-9)
-        for at, value in zip(np.flatnonzero(inside), np.nan_to_num(image[nearest]), strict=True):
-            ink = "black" if value > 0.6 * most else "white"
-            styles[at] = f"{ink} on {shade(float(value) / most)}" if colours else "reverse"
-    if asked is not None:
-        wanted = transform(invert(told.in_object(belief, asked)), points)
-        depth = (np.abs(wanted) - half).max(axis=1)
-        frame = (depth <= 0) & (depth > -_CELL * 1.2)
-        marks[frame], styles[frame & ~inside] = "o", "bold green"
-    text = in_rows(marks.tolist(), styles.tolist(), columns)
-    text.rstrip()
-    return text
-
-
-def _bars(belief: Belief, most: int = 7) -> list[Text]:
-    if belief.estimate is None:
-        return [Text("no touch yet", "dim")]
-    ranked = sorted(belief.estimate.probabilities.items(), key=lambda item: -item[1])[:most]
-    lines = []
-    for label, p in ranked:
-        line = Text(f"{printable(label)[:6]:>6} ", "bold" if label == belief.estimate.label else "")
-        line.append("█" * round(_BAR * p), "cyan")
-        line.append("·" * (_BAR - round(_BAR * p)), "dim")
-        line.append(f" {p:.3f}")
-        lines.append(line)
-    return lines
-
-
 def _in_lines(
     reader: PadReader, told: Told, console: Console, as_json: bool, over: Callable[[PadView], bool]
 ) -> None:
     """Say each touch once, where the next is asked for, and each trouble at most once a second."""
     said, trouble, spoke = 0, "", 0.0
     asked: FloatArray | None = None
-    leads = bool(told.leading.commands())  # not a recording, which was touched where it was
 
     def say_new() -> None:
         nonlocal said
@@ -182,7 +111,7 @@ def _in_lines(
     while not over(view):
         say_new()
         now = told.leading.view()
-        if leads and now.asked is not None and now.asked is not asked:
+        if now.asked is not None and now.asked is not asked:
             asked = now.asked
             print(told.where(now), file=sys.stderr)
         wrong = view.trouble or now.message

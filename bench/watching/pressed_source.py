@@ -1,18 +1,14 @@
-"""What is pressed in `bench live`: a pad on its ports, an object hidden in the simulation, or a recorded session."""
+"""What is pressed in `bench live`: a pad on its ports, or an object hidden in the simulation."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tactsim.bench.pad.simulated_hand import HAND_PATIENCE, touch_above
 from tactsim.bench.trials import draw_true_pose
-from tactsim.bench.watching.recogniser import Recogniser
-from tactsim.bench.watching.told import Truth
-from tactsim.bench.watching.touch_leader import Explore, Leading, MarkedTouches, Marks, TouchLeader
 from tactsim.core import compose
 from tactsim.core.errors import InputError
 from tactsim.core.pad import offsets
@@ -22,8 +18,6 @@ from tactsim.core.source import HasPad, Source
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator.hand import Pressing
-from tactsim.hardware.paced import Paced
-from tactsim.hardware.recorded import Replay
 from tactsim.hardware.session import Plan
 from tactsim.hardware.sources import open_source
 from tactsim.models import Letter, letter
@@ -83,44 +77,24 @@ class HiddenObject(SimulatedPad):
 _SIMULATED, _RECORDING = "simulated:", "recording:"
 
 
-@dataclass(frozen=True, eq=False)
-class Pressed:
-    """A source of readings, and what leads through its touches.
-
-    plan: the poses that may be asked for; None if a recording says where it was touched. truth: what lies there, where
-    that is known.
-    """
-
-    source: Source
-    device: Device
-    plan: Plan | None = None
-    marks: Marks | None = None
-    truth: Truth | None = None
-
-    def leading(self, recogniser: Recogniser, explore: Explore, seed: int) -> Leading:
-        """Make what leads through the touches."""
-        if self.marks is not None:
-            return MarkedTouches(recogniser, self.marks)
-        assert self.plan is not None
-        hand = self.source if isinstance(self.source, HiddenObject) else None
-        return TouchLeader(recogniser, self.plan, self.source.pad, explore, seed, hand)
-
-
 def open_pressed(
     ports: list[str],
     device: Device,
     calibration: Calibration | None,
     seed: int,
     shapes: Sequence[Letter] = (),
-) -> Pressed:
-    """Open what is pressed: simulated:LETTER[@x,y,theta], recording:FILE of a guided session, or the ports of a pad.
+) -> tuple[Source, Plan]:
+    """Open what is pressed, simulated:LETTER[@x,y,theta] or the ports of a pad, with the poses that may be asked for.
 
     A simulated letter, or one of `shapes` by its name, lies at the pose robot_in_object, or at one drawn by the seed.
     Raises InputError if it cannot be opened.
     """
     place = ports[0]
     if place.startswith(_RECORDING):
-        return _recorded(place.removeprefix(_RECORDING), ports, calibration)
+        raise InputError(
+            f"{place}: a recording was touched where it was touched, and cannot be asked for more; `bench watch` plays "
+            "it, and `bench replay --scan` makes a scan of its presses, for `bench run`"
+        )
     touch, patience = 0.0 if calibration is None else touch_above(max(calibration.noise)), None
     if place.startswith(_SIMULATED):
         touch, patience = touch_above(ScanOptions().sensor.noise), HAND_PATIENCE
@@ -130,7 +104,7 @@ def open_pressed(
         touch_kpa=max(device.touch_kpa, touch),
     )  # fmt: skip
     if not place.startswith(_SIMULATED):
-        return Pressed(open_source(ports, device, calibration), device, plan)
+        return open_source(ports, device, calibration), plan
     if calibration is not None or len(ports) > 1:
         raise InputError(f"{place} is one source and needs no calibration")
     label, _, pose = place.removeprefix(_SIMULATED).partition("@")
@@ -140,19 +114,5 @@ def open_pressed(
         else draw_true_pose(np.random.default_rng(seed), offsets(device.pad.taxel_xy))
     )
     own = {shape.name: shape for shape in shapes}
-    hidden = HiddenObject(own.get(label) or letter(label or "A"), where, np.array(plan.poses), device, seed)
-    return Pressed(hidden, device, plan, truth=Truth(hidden.label, where))
-
-
-def _recorded(path: str, ports: list[str], calibration: Calibration | None) -> Pressed:
-    if calibration is not None or len(ports) > 1:
-        raise InputError(f"{ports[0]} is one source and brings its own calibration")
-    marks = Marks()
-    replay = Replay(path, on_note=marks.take)
-    if marks.plan is None:
-        replay.close()
-        raise InputError(
-            f"{path} is no recording of a guided session, so nothing says where it was touched; `bench watch` plays it"
-        )
-    truth = Truth(marks.plan.label, np.zeros(3))  # the robot's frame is the letter's
-    return Pressed(Paced(replay), replay.device, marks=marks, truth=truth)
+    found = own.get(label) or letter(label or "A")
+    return HiddenObject(found, where, np.array(plan.poses), device, seed), plan

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,9 @@ from tactsim.bench.placement import Properties, certainty, placement_error, prop
 from tactsim.bench.report.outlines import drawing, map_outline
 from tactsim.bench.results import BADLY_EXPLAINED
 from tactsim.bench.watching.pad_view import taxels_of
+from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Belief
-from tactsim.bench.watching.touch_leader import Leading, LiveView
+from tactsim.bench.watching.touch_leader import LiveView, TouchLeader
 from tactsim.bench.watching.web import numbers
 from tactsim.core import Scan, compose
 from tactsim.core.errors import counted
@@ -24,43 +24,26 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.hardware.terminal_pictures import where
 
 
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """What lies under the pad, where that is known. robot_in_object: (3,)."""
-
-    label: str
-    robot_in_object: FloatArray
-
-
 class Told:
     """Put beliefs into words and numbers.
 
-    truth: None on a real pad. outlines: by letter its contours, (k, 2) mm each, in its own frame. pad: the one that is
-    pressed.
+    hidden: what is pressed, if that is simulated. outlines: by letter its contours, (k, 2) mm each, in its own frame.
     """
 
     def __init__(
         self,
-        leading: Leading,
+        leading: TouchLeader,
         train: Scan,
         maps: Mapping[str, OccupancyMap],
         source: Source,
-        truth: Truth | None,
         from_behind: bool,
     ) -> None:
-        self.leading, self.truth, self.from_behind = leading, truth, from_behind
+        self.leading, self.from_behind = leading, from_behind
+        self.hidden = source if isinstance(source, HiddenObject) else None
         self.letters = leading.recogniser.letters
         self.outlines = {label: drawing(label, train) or map_outline(label, maps) for label in self.letters}
         self._of: dict[str, Properties] = properties(train)
-        self.pad, self._places = source.pad, taxels_of(source)
-
-    def image(self, belief: Belief) -> FloatArray | None:
-        """Give what the last touch felt on all taxels of the pad, (taxels,) kPa, NaN where one is left out."""
-        if not belief.touches:
-            return None
-        image = np.full(self.pad.taxels, np.nan)
-        image[self._places] = belief.touches[-1].pressures
-        return image
+        self._taxels, self._places = source.pad.taxels, taxels_of(source)
 
     def line(self, belief: Belief) -> str:
         """Say in one line what is believed."""
@@ -80,7 +63,7 @@ class Told:
             parts.append(f"90 % sure of its place within {values['within_mm']:.2f} mm")
         if belief.estimate.unexplained:
             parts.append(f"the touches are {BADLY_EXPLAINED}")
-        if self.truth is not None:
+        if self.hidden is not None:
             parts.append(self._verdict(values))
         if values["delay_ms"] is not None:
             parts.append(f"known {values['delay_ms']:.1f} ms after the touch")
@@ -115,9 +98,9 @@ class Told:
             "within_mm": None if sure is None else round(float(sure.radius), 3),
             "delay_ms": None if belief.delay is None else round(1e3 * belief.delay, 1),
         }
-        if self.truth is not None:
-            values["truth"] = self.truth.label
-            answer = self.truth.label if self.truth.label in self.letters else NONE
+        if self.hidden is not None:
+            values["truth"] = self.hidden.label
+            answer = self.hidden.label if self.hidden.label in self.letters else NONE
             values["right"] = estimate.label == answer
             values["error_mm"] = self._error(estimate.label, estimate.robot_in_object)
         return values
@@ -159,30 +142,28 @@ class Told:
         estimate = view.belief.estimate
         if view.asked is None or estimate is None or estimate.label == NONE:
             return None
-        return numbers(self.in_object(view.belief, view.asked), 3)
-
-    def in_object(self, belief: Belief, sensor_in_robot: FloatArray) -> FloatArray:
-        """Give where a pose lies on the most probable object, (3,). Needs a touch before."""
-        assert belief.estimate is not None
-        return compose(belief.estimate.robot_in_object, sensor_in_robot)
+        return numbers(compose(estimate.robot_in_object, view.asked), 3)
 
     def _drawn(self, belief: Belief) -> dict[str, Any]:
-        values, image, places = self.json_of(belief), self.image(belief), belief.sensor_in_object
+        values, places = self.json_of(belief), belief.sensor_in_object
+        felt = np.full(self._taxels, np.nan)  # NaN where a taxel is left out
+        if belief.touches:
+            felt[self._places] = belief.touches[-1].pressures
         values["details"] = "; ".join(self.details(belief))
-        values["felt"] = None if image is None else numbers(image, 1)
+        values["felt"] = numbers(felt, 1) if belief.touches else None
         values["inObject"] = None if places is None else [numbers(place, 3) for place in places]
         return values
 
     def _error(self, label: str, robot_in_object: FloatArray) -> float | None:
-        assert self.truth is not None
-        if label != self.truth.label or label not in self._of:
+        assert self.hidden is not None
+        if label != self.hidden.label or label not in self._of:
             return None
-        error = placement_error(robot_in_object, self.truth.robot_in_object, self._of[label])
+        error = placement_error(robot_in_object, self.hidden.robot_in_object, self._of[label])
         return round(float(error), 3)
 
     def _verdict(self, values: Mapping[str, Any]) -> str:
-        assert self.truth is not None
+        assert self.hidden is not None
         if not values["right"]:
-            return f"wrong: it is {self.truth.label}"
+            return f"wrong: it is {self.hidden.label}"
         error = values["error_mm"]
         return "right" + ("" if error is None else f", placed {error:.2f} mm off")

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import queue
-from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import RLock, Thread
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
 from tactsim.bench.pad.simulated_hand import touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
-from tactsim.core.checking import checked
-from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration
-from tactsim.hardware.recording import Kind
-from tactsim.hardware.session import Phase, Plan, Press, Session, note, parse_press
+from tactsim.hardware.session import Phase, Plan, Press, Session, note
+
+if TYPE_CHECKING:
+    from tactsim.bench.watching.pressed_source import HiddenObject
 
 Explore = Literal["information", "random"]
 _CHOOSING = "choosing the next touch"
-_KEPT = 10_000  # readings of a recording that are kept for a mark, beside those of two presses
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,27 +44,37 @@ class LiveView:
     belief: Belief = NOTHING
 
 
-class Hand(Protocol):
-    """What presses a simulated pad where it is asked to."""
+class TouchLeader:
+    """Ask for touches at the poses of a plan, chosen by the estimator or at random, and take those that are steady.
 
-    def prepare(self, number: int) -> bool:
-        """Get ready to press at the pose of this number; False if no press comes to rest there."""
+    The estimator has a thread, so that readings and viewers never wait for it. The session is looked at by two threads,
+    one at a time: that of the readings while a touch is asked for, that of the estimator while it is `choosing`.
+    """
 
-    def press(self, wanted: bool) -> None:
-        """Press, or lift."""
-
-
-class Leading(ABC):
-    """What all kinds share: a thread for the estimator, so that readings and viewers never wait for it."""
-
-    def __init__(self, recogniser: Recogniser) -> None:
+    def __init__(
+        self,
+        recogniser: Recogniser,
+        plan: Plan,
+        pad: Pad,
+        explore: Explore,
+        seed: int,
+        hand: HiddenObject | None = None,
+    ) -> None:
+        """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated."""
         self.recogniser = recogniser
         self.error: Exception | None = None  # what ended it, if something did
         self.beliefs: list[Belief] = []  # one for each touch that was taken, in order
+        self._plan, self._pad, self._explore, self._hand = plan, pad, explore, hand
+        self._poses = np.array(plan.poses)
+        self._rng = np.random.default_rng(seed)
+        self._session = Session(plan, pad)
         self._numbers: list[int] = []  # which presses of the plan the recogniser's touches are
+        self._count = 0
+        self._choosing = True
         self._changed = RLock()
         self._view = LiveView()
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue()
+        self._jobs.put(self._begin)
         self._thread = Thread(target=self._work, name="estimate", daemon=True)
 
     def __enter__(self) -> Self:
@@ -85,77 +92,9 @@ class Leading(ABC):
         with self._changed:
             return self._view
 
-    @abstractmethod
-    def take(self, reading: Reading) -> None:
-        """Take in a reading; called in the thread that reads."""
-
-    def commands(self) -> dict[str, Callable[[], None]]:
-        """Name what a person may ask for; nothing of a recording."""
-        return {}
-
     def idle(self) -> bool:
         """Tell whether no touch waits for the estimator."""
         return not self._jobs.unfinished_tasks
-
-    def _work(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            try:
-                job()
-            except Exception as error:  # the caller raises it again, in the main thread
-                self.error = error
-                return
-            finally:
-                self._jobs.task_done()
-
-    def _believe(self, number: int, touch: Touch) -> None:
-        """Take in the touch that is press `number` of the plan; a later one of the same number replaces it."""
-        self._forget(number)
-        belief = self.recogniser.take(touch)
-        self._numbers.append(number)
-        with self._changed:
-            self.beliefs.append(belief)
-            self._publish(belief)
-
-    def _forget(self, number: int) -> None:
-        if number in self._numbers:
-            index = self._numbers.index(number)
-            del self._numbers[index]
-            belief = self.recogniser.take_back(index)
-            with self._changed:
-                self._publish(belief)
-
-    def _publish(self, belief: Belief) -> None:
-        self._set(number=self._view.number + 1, belief=belief)
-
-    def _set(self, **changes: Any) -> None:
-        self._view = replace(self._view, **changes)
-
-
-class TouchLeader(Leading):
-    """Ask for touches at the poses of a plan, chosen by the estimator or at random, and take those that are steady.
-
-    The session is looked at by two threads, one at a time: that of the readings while a touch is asked for, that of the
-    estimator while it is `choosing`.
-    """
-
-    def __init__(
-        self,
-        recogniser: Recogniser,
-        plan: Plan,
-        pad: Pad,
-        explore: Explore,
-        seed: int,
-        hand: Hand | None = None,
-    ) -> None:
-        """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated."""
-        super().__init__(recogniser)
-        self._plan, self._pad, self._explore, self._hand = plan, pad, explore, hand
-        self._poses = np.array(plan.poses)
-        self._rng = np.random.default_rng(seed)
-        self._session = Session(plan, pad)
-        self._count = 0
-        self._choosing = True
-        self._jobs.put(self._begin)
 
     def take(self, reading: Reading) -> None:
         """Take in a reading of the pad; called in the thread that reads. Raises InputError as `Session.take` does."""
@@ -193,6 +132,38 @@ class TouchLeader(Leading):
     def begin_anew(self) -> None:
         """Forget everything: another object comes."""
         self._close(self._begin)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            try:
+                job()
+            except Exception as error:  # the caller raises it again, in the main thread
+                self.error = error
+                return
+            finally:
+                self._jobs.task_done()
+
+    def _believe(self, number: int, touch: Touch) -> None:
+        """Take in the touch that is press `number` of the plan."""
+        belief = self.recogniser.take(touch)
+        self._numbers.append(number)
+        with self._changed:
+            self.beliefs.append(belief)
+            self._publish(belief)
+
+    def _forget(self, number: int) -> None:
+        if number in self._numbers:
+            index = self._numbers.index(number)
+            del self._numbers[index]
+            belief = self.recogniser.take_back(index)
+            with self._changed:
+                self._publish(belief)
+
+    def _publish(self, belief: Belief) -> None:
+        self._set(number=self._view.number + 1, belief=belief)
+
+    def _set(self, **changes: Any) -> None:
+        self._view = replace(self._view, **changes)
 
     def _close(self, job: Callable[[], None]) -> None:
         """Take no more of the touch that is asked for, and do the job: what would still come is void."""
@@ -266,52 +237,3 @@ class TouchLeader(Leading):
                 tried=False,
             )
 
-
-class Marks:
-    """What the notes of a recording say, passed on to `listener`. plan: of its guided session, or None."""
-
-    def __init__(self) -> None:
-        self.plan: Plan | None = None
-        self.listener: Callable[[Press], None] | None = None
-
-    def take(self, kind: Kind, content: dict[str, Any], readings: int) -> None:
-        """Take a note of the recording; see `Replay`. Raises InputError if it makes no sense."""
-        if kind is Kind.SEGMENT and content.get("plan") is not None:
-            self.plan = checked(Plan, content["plan"], "plan")
-        elif kind is Kind.MARK and self.plan is not None and self.listener is not None:
-            self.listener(parse_press(content, len(self.plan.poses)))
-
-
-class MarkedTouches(Leading):
-    """Take the touches that a guided session marked in its recording, while the recording is played."""
-
-    def __init__(self, recogniser: Recogniser, marks: Marks) -> None:
-        """Listen to `marks`, of a recording whose first segment was read. Raises InputError if it is no session."""
-        super().__init__(recogniser)
-        if marks.plan is None:
-            raise InputError("it is no recording of a guided session, so nothing says where it was touched")
-        self._marks, self._poses = marks, np.array(marks.plan.poses)
-        self._recent: deque[Reading] = deque(maxlen=_KEPT + 2 * marks.plan.frames)
-        self._count = 0  # readings so far
-        self._set(phase="playing the recording")
-        marks.listener = self._mark
-
-    def take(self, reading: Reading) -> None:
-        """Keep a reading for the mark that may name it; called in the thread that reads."""
-        self._recent.append(reading)
-        self._count += 1
-
-    def _mark(self, press: Press) -> None:
-        if press.what == "redo":
-            self._jobs.put(lambda: self._forget(press.number))
-        if press.what != "taken":
-            return
-        before = self._count - press.first  # where it begins, counted from the last reading
-        if not 0 < press.count <= before <= len(self._recent):
-            raise InputError(f"mark: press {press.number} names readings that are not the last before it")
-        named = list(self._recent)[len(self._recent) - before :][: press.count]
-        image = np.mean([reading.pressures for reading in named], axis=0)
-        touch = Touch(image, self._poses[press.number], named[-1].host_time)
-        with self._changed:
-            self._set(asked=touch.sensor_in_robot)
-        self._jobs.put(lambda: self._believe(press.number, touch))

@@ -1,4 +1,4 @@
-"""Touches that are asked for, taken, redone and skipped: of a hidden object, and of a recording's marks."""
+"""Touches that are asked for, taken, redone and skipped."""
 
 import time
 from contextlib import contextmanager
@@ -9,13 +9,11 @@ import pytest
 from tactsim.bench.watching.pad_view import PadReader
 from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
-from tactsim.bench.watching.touch_leader import MarkedTouches, Marks, TouchLeader
+from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.core import Scan, compose
-from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading
 from tactsim.estimators import create
 from tactsim.hardware.calibration import Calibration
-from tactsim.hardware.recording import Kind
 from tactsim.hardware.session import Plan
 from tactsim.models import letter
 
@@ -134,44 +132,3 @@ def calibration_of(noise):
         gain=[1.0] * 36,
     )
 
-
-def marked(recogniser, frames=3):
-    marks = Marks()
-    plan = Plan(label="I", poses=POSES, frames=frames)
-    marks.take(Kind.SEGMENT, {"plan": plan.model_dump(mode="json")}, 0)
-    return MarkedTouches(recogniser, marks), marks
-
-
-def mark(marks, readings, **press):
-    marks.take(Kind.MARK, press, readings)
-
-
-def test_marks_of_a_recording_name_their_readings(recogniser, scan, eventually):
-    leading, marks = marked(recogniser)
-    images = scan.where("test", "I").readings[:10]
-    with leading:
-        for number, image in enumerate(images):
-            leading.take(Reading(image, float(number)))
-        mark(marks, 10, number=1, what="taken", first=2, count=3)
-        mark(marks, 10, number=0, what="taken", first=5, count=4)
-        mark(marks, 10, number=2, what="skipped")
-        eventually(lambda: len(leading.beliefs) == 2)
-        first, second = leading.view().belief.touches
-        np.testing.assert_allclose(first.pressures, images[2:5].mean(axis=0))
-        np.testing.assert_allclose(second.pressures, images[5:9].mean(axis=0))
-        assert tuple(first.sensor_in_robot) == POSES[1]
-        assert second.came == 8.0
-        mark(marks, 10, number=1, what="redo")
-        eventually(lambda: len(leading.view().belief.touches) == 1)
-        assert tuple(leading.view().belief.touches[0].sensor_in_robot) == POSES[0]
-
-
-@pytest.mark.parametrize(
-    "press", [{"first": 9, "count": 3}, {"first": 0, "count": 0}, {"first": 11, "count": 1}]
-)
-def test_a_mark_of_readings_that_are_not_there_is_refused(recogniser, press):
-    leading, marks = marked(recogniser)
-    for number in range(10):
-        leading.take(Reading(np.zeros(36), float(number)))
-    with pytest.raises(InputError, match="press 1 names readings"):
-        mark(marks, 10, number=1, what="taken", **press)
