@@ -75,13 +75,6 @@ def command(
     jitter: Annotated[
         float, shared.number("How unevenly frames come, as a share of the time between two.", least=0, most=1)
     ] = 0.0,
-    loaded: Annotated[
-        list[str] | None,
-        typer.Option(help="A taxel on which something lies for ever, and its kPa, 17=30; repeat."),
-    ] = None,
-    stuck: Annotated[
-        list[str] | None, typer.Option(help="A taxel that always says the same, 40=90; repeat.")
-    ] = None,
     seed: shared.Seed = 0,
 ) -> None:
     """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
@@ -122,37 +115,16 @@ def command(
     if not slip_of_world(world).still:
         plain_console(stderr=True).print("the world's slip moves nothing here: what is pressed lies still")
     rng = np.random.default_rng(seed)
-    faults = Faults(
-        drop=drop, flip=flip, torn=torn, garbage=garbage, drift=drift, disconnect=disconnect,
-        loaded=_of_taxels(loaded, "--loaded", described), stuck=_of_taxels(stuck, "--stuck", described),
-    )  # fmt: skip
+    faults = Faults(drop, flip, torn, garbage, drift, disconnect)
 
     def felt(pressing: Pressures) -> Emulated:
-        said = faults.spoiled(sensing(faults.lying(pressing), options, rng))
-        return emulate(described, said, rate, jitter=jitter)
+        return emulate(described, faults.drifted(sensing(pressing, options, rng)), rate, jitter=jitter)
 
     if plan is not None and out is not None:
         _record(plan, out, marks, Timing(hold, lift), described, felt, faults, options, rng)
     else:
         wanted = _wanted(letter, pose, follow, hold, lift, options, rng)
         _serve(port, felt(Pressing(described.pad.taxels, wanted)), faults, rng)
-
-
-def _of_taxels(words: list[str] | None, option: str, device: Device) -> dict[int, float]:
-    """Read words like 17=30: a taxel of the device and a number."""
-    from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
-
-    found = {}
-    for word in words or ():
-        taxel, _, text = word.partition("=")
-        number, value = whole_number(taxel), shared.finite_number(text)
-        if number is None or number >= device.pad.taxels or value is None or abs(value) > 1e9:
-            raise InputError(
-                f"{option} {word!r}: write TAXEL=KPA; the taxels are 0 to {device.pad.taxels - 1}"
-            )
-        found[number] = value
-    return found
 
 
 def _record(

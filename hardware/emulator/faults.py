@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from tactsim.core.poses import FloatArray
 from tactsim.hardware.emulator.emulated import Pressures
 
 _LONGEST_BURST = 200  # bytes
@@ -19,8 +17,7 @@ class Faults:
 
     drop, flip: probability that a byte is lost, or changed. torn: probability that a frame breaks off in its
     middle. garbage: probability of a burst of random bytes before a frame. drift: kPa a second that all
-    taxels gain. disconnect: s after which the line is cut, again and again; 0 for never. loaded: taxels on which
-    something lies for ever, and its kPa. stuck: taxels that always say the same, and what, kPa.
+    taxels gain. disconnect: s after which the line is cut, again and again; 0 for never.
     """
 
     drop: float = 0.0
@@ -29,34 +26,10 @@ class Faults:
     garbage: float = 0.0
     drift: float = 0.0
     disconnect: float = 0.0
-    loaded: Mapping[int, float] = field(default_factory=dict)
-    stuck: Mapping[int, float] = field(default_factory=dict)
 
-    def lying(self, pressures: Pressures) -> Pressures:
-        """Add what lies on the pad for ever to what presses on it."""
-        if not self.loaded:
-            return pressures
-        taxels, weight = list(self.loaded), np.array(list(self.loaded.values()))
-
-        def both(now: float) -> FloatArray:
-            result = pressures(now).copy()
-            result[taxels] += weight
-            return result
-
-        return both
-
-    def spoiled(self, pressures: Pressures) -> Pressures:
-        """Add the drift to what the pad would say, and let stuck taxels say always the same."""
-        if not self.drift and not self.stuck:
-            return pressures
-        taxels, level = list(self.stuck), np.array(list(self.stuck.values()))
-
-        def said(now: float) -> FloatArray:
-            result = pressures(now) + self.drift * now
-            result[taxels] = level
-            return result
-
-        return said
+    def drifted(self, pressures: Pressures) -> Pressures:
+        """Add the drift to what the pad would say."""
+        return lambda now: pressures(now) + self.drift * now
 
     def spoil(self, message: bytes, rng: np.random.Generator) -> bytes:
         """Apply the faults to one frame and return the bytes that arrive."""

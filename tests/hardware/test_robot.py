@@ -12,10 +12,8 @@ from made_pads import ramp
 from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import compose
-from tactsim.hardware.device import load_device
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan, record
-from tactsim.hardware.sources import open_source
 from tactsim.press import ScanOptions
 from tactsim.press.scanning import object_facts
 from tactsim.press.simulated_source import press_table, rising_table
@@ -119,33 +117,6 @@ def test_a_shape_says_what_scores_need(here, own):
     refused(here(*words, "--shape", "bar.svg"), "no reading is of the shape 'bar'", "tee, O")
     (Path("O.svg")).write_text(TEE)
     refused(here(*words, "--shape", "O.svg", "--letters", "O"), "'O' is a shape and")
-
-
-def test_something_lies_on_a_taxel_and_another_is_stuck(here, own):
-    free = scan_of(here) if own().returncode == 0 else None
-    Path("array.csv").unlink()
-    Path("marks.csv").unlink()
-    Path("a.npz").unlink()
-    assert own("--loaded", "0=30", "--loaded", "15=12", "--stuck", "100=90").returncode == 0
-    with open_source(["recording:array.csv"], load_device(Path("array.toml"))) as pad:
-        frames = np.array([frame.pressures for frame in pad])
-    assert (frames[:, 100] == 90).all()
-    assert frames[:, 0].min() == 30
-    assert frames[:, 15].min() == 12
-    whole = scan_of(here)
-    others = np.setdiff1d(np.arange(256), [0, 15, 100])
-    np.testing.assert_array_equal(whole.readings[:, others], free.readings[:, others])
-
-
-@pytest.mark.parametrize(
-    ("words", "parts"),
-    [
-        (("--loaded", "256=3"), ("--loaded '256=3'", "0 to 255")),
-        (("--stuck", "3"), ("--stuck '3'", "TAXEL=KPA")),
-    ],
-)
-def test_a_wrong_word_is_refused(own, words, parts):
-    refused(own(*words), *parts)
 
 
 @pytest.mark.parametrize(
