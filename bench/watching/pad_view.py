@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Condition, Event, Thread
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -22,13 +22,12 @@ from tactsim.hardware.device import Device
 
 State = Literal["waiting", "live", "lost", "ended"]
 
-BIN_S = 0.1  # s of one value of the history of force
+BIN_S = 0.1  # s of one value of the history
 HISTORY_S = 30.0
 _BINS = round(HISTORY_S / BIN_S)
-_RATE_S = 2.0  # s over which the rate is counted
+_RATE_BINS = 20  # over which the rate is counted
 _TARE_FRAMES = 100
 _TARE_S = 30.0  # s within which they must come
-_STUCK_FRAMES = 200  # readings in which a taxel must say the same to be called stuck
 _SILENCE_S = 0.3  # s of silence that any pad is allowed
 _LONGEST_WAIT = (
     1.0  # s: the source is asked so often at least, so that the thread ends soon when it is told to
@@ -42,48 +41,73 @@ class PadView:
 
     number: grows with every change. state: waiting (nothing came yet), live, lost (nothing comes), ended (a recording).
     trouble: why it is lost, or "". pressures: (taxels,) kPa of all taxels of the pad, NaN where one is left out; None
-    unless live, so that nobody takes an old image for the pad. host_time: s, of that reading. since: s, how long ago
-    the last reading came, None before the first. readings: how many came. rate: readings a second. force: N.
-    scale: kPa, a round number above all pressures of the last seconds. left_out: taxels that the calibration leaves
-    out. stuck: taxels that have not changed yet, while most did. message: what became of a tare.
+    unless live, so that nobody takes an old image for the pad. host_time: s, of that reading. readings: how many came.
+    rate: readings a second. force: N. scale: kPa, a round number above all pressures of the last seconds. left_out:
+    taxels that the calibration leaves out. message: what became of a tare.
     """
 
+    number: int = 0
+    state: State = "waiting"
+    trouble: str = ""
+    pressures: FloatArray | None = None
+    host_time: float = 0.0
+    readings: int = 0
+    rate: float = 0.0
+    force: float = 0.0
+    scale: float = _LEAST_SCALE
+    counters: dict[str, int] = field(default_factory=dict)
+    left_out: tuple[int, ...] = ()
+    tared: bool = False
+    message: str = ""
+
+
+@dataclass
+class _Bin:
     number: int
-    state: State
-    trouble: str
-    pressures: FloatArray | None
-    host_time: float
-    since: float | None
-    readings: int
-    rate: float
-    force: float
-    scale: float
-    counters: dict[str, int]
-    left_out: tuple[int, ...]
-    stuck: tuple[int, ...]
-    tared: bool
-    message: str
+    readings: int = 0
+    force: float = 0.0  # N, their sum
+    largest: float = 0.0  # kPa
 
 
 class History:
-    """The mean force in bins of `BIN_S`, of the last `HISTORY_S`."""
+    """How many readings came, their mean force and their largest pressure, in bins of `BIN_S` of the last `HISTORY_S`.
+
+    Times are s since the beginning, and do not fall.
+    """
 
     def __init__(self) -> None:
-        # Of each bin with a reading: its number, the sum of its forces, and how many. The last may still be filled.
-        self._bins: deque[tuple[int, float, int]] = deque(maxlen=_BINS + 1)
+        self._bins: deque[_Bin] = deque(maxlen=_BINS + 1)  # those with a reading; the last may still be filled
 
-    def add(self, time_s: float, force_n: float) -> None:
-        """Add a force at `time_s`, s since the beginning; times do not fall."""
-        number, total, count = int(time_s / BIN_S), 0.0, 0
-        if self._bins and self._bins[-1][0] == number:
-            _, total, count = self._bins.pop()
-        self._bins.append((number, total + force_n, count + 1))
+    def add(self, time_s: float, force_n: float, largest_kpa: float) -> None:
+        """Add a reading."""
+        number = int(time_s / BIN_S)
+        if not self._bins or self._bins[-1].number != number:
+            self._bins.append(_Bin(number))
+        last = self._bins[-1]
+        last.readings, last.force = last.readings + 1, last.force + force_n
+        last.largest = max(last.largest, largest_kpa)
 
-    def until(self, time_s: float) -> list[float | None]:
-        """Give the bins that have ended by `time_s`, the oldest first; None is one without a reading."""
-        means = {number: total / count for number, total, count in self._bins}
+    def forces(self, time_s: float) -> list[float | None]:
+        """Give the mean force of the bins that have ended by `time_s`, the oldest first; None: nothing came."""
+        means = {one.number: one.force / one.readings for one in self._bins}
         now = int(time_s / BIN_S)
         return [means.get(number) for number in range(max(0, now - _BINS), now)]
+
+    def rate(self, time_s: float) -> float:
+        """Count the readings of the last seconds, as readings a second."""
+        first = max(0, int(time_s / BIN_S) - _RATE_BINS + 1)
+        count = sum(one.readings for one in self._bins if one.number >= first)
+        return count / max(time_s - first * BIN_S, BIN_S)
+
+    def largest(self, time_s: float) -> float:
+        """Give the largest pressure, kPa; 0 if there was none."""
+        first = int(time_s / BIN_S) - _BINS
+        return max((one.largest for one in self._bins if one.number >= first), default=0.0)
+
+    def forget_largest(self) -> None:
+        """Let the pressures so far count no more, as those before a tare."""
+        for one in self._bins:
+            one.largest = 0.0
 
 
 class PadReader:
@@ -120,20 +144,10 @@ class PadReader:
         self._changed = Condition()
         self._stop = Event()
         self._history = History()
-        self._times: deque[float] = deque(maxlen=100_000)  # host times of the last seconds
-        self._recent: deque[tuple[float, float]] = deque(maxlen=_BINS)  # (time, largest kPa)
         self._usual = _SILENCE_S  # s from one reading to the next, as long as it speaks
         self._taring: list[Reading] | None = None
         self._tare_until = 0.0
-        self._first: FloatArray | None = None
-        self._moved = np.zeros(
-            len(self._places), dtype=bool
-        )  # taxels that have said something else than at first
-        self._view = PadView(
-            number=0, state="waiting", trouble="", pressures=None, host_time=0.0, since=None, readings=0, rate=0.0,
-            force=0.0, scale=_LEAST_SCALE, counters={}, left_out=self._left_out(), stuck=(),
-            tared=calibration is not None or source.calibrated, message="",
-        )  # fmt: skip
+        self._view = PadView(tared=calibration is not None or source.calibrated)
         self.error: Exception | None = None  # what ended the reading, if something did
         self._thread = Thread(target=self._run, name=f"read {name}", daemon=True)
 
@@ -169,7 +183,7 @@ class PadReader:
         """Give the forces (N) of the last `HISTORY_S` in bins of `BIN_S`, the oldest first; None: nothing came."""
         with self._changed:
             ended = self._view.state == "ended"
-            return self._history.until((self._view.host_time if ended else time.monotonic()) - self._begun)
+            return self._history.forces((self._view.host_time if ended else time.monotonic()) - self._begun)
 
     def check(self) -> None:
         """Raise what ended the reading before its time, and NoReading if it was told to end before anything came."""
@@ -183,10 +197,10 @@ class PadReader:
         """Begin to take a tare of the next readings; the view's message tells what becomes of it."""
         with self._changed:
             if self.source.calibrated:
-                self._say("no tare: these readings are corrected already")
+                self._set(message="no tare: these readings are corrected already")
             elif self._taring is None:
                 self._taring, self._tare_until = [], time.monotonic() + _TARE_S
-                self._say("taking a tare: leave the pad alone")
+                self._set(message="taking a tare: leave the pad alone")
 
     def _run(self) -> None:
         wait = min(self.device.deadline, _LONGEST_WAIT)
@@ -210,8 +224,6 @@ class PadReader:
         """Take in a reading; returns its pressures, corrected by the calibration there is."""
         now = time.monotonic()
         with self._changed:
-            self._first = reading.pressures if self._first is None else self._first
-            self._moved |= reading.pressures != self._first
             if self._taring is not None:
                 self._take_tare(reading, now)
             corrected = (
@@ -220,17 +232,10 @@ class PadReader:
             pressures = np.full(self.pad.taxels, np.nan)
             pressures[self._places] = corrected
             pressures[~self._kept] = np.nan
-            self._times.append(now)
-            while self._times[0] < now - _RATE_S:
-                self._times.popleft()
-            largest = float(np.nanmax(pressures))
-            if not self._recent or now - self._recent[-1][0] >= BIN_S:
-                self._recent.append((now, largest))
-            elif largest > self._recent[-1][1]:
-                self._recent[-1] = (self._recent[-1][0], largest)
             load = float(force(pressures[self._kept], self.pad))
-            self._history.add(now - self._begun, load)
-            self._usual = min(_RATE_S, now - self._times[0]) / max(len(self._times) - 1, 1)
+            since = now - self._begun
+            self._history.add(since, load, float(np.nanmax(pressures)))
+            self._usual = 1 / self._history.rate(since)
             self._set(
                 state="live", trouble="", pressures=pressures, host_time=now, readings=self._view.readings + 1,
                 force=load, counters=self.source.counters.as_dict(),
@@ -243,7 +248,7 @@ class PadReader:
             if time.monotonic() - last >= self._patience():
                 if self._taring is not None:
                     self._taring = None
-                    self._say("no tare: the pad was lost")
+                    self._set(message="no tare: the pad was lost")
                 self._set(state="lost", trouble=why, pressures=None, counters=self.source.counters.as_dict())
 
     def _end(self, state: State, trouble: str) -> None:
@@ -255,30 +260,18 @@ class PadReader:
         return min(max(_SILENCE_S, 5 * self._usual), max(self.device.deadline, _SILENCE_S))
 
     def _aged(self, view: PadView) -> PadView:
+        """Say of a view what only the clock tells."""
         now = time.monotonic()
-        since = now - view.host_time if view.readings else None
-        silent = view.state == "live" and since is not None and since > self._patience()
-        recent = [largest for then, largest in self._recent if then > now - HISTORY_S]
-        while self._times and self._times[0] < now - _RATE_S:
-            self._times.popleft()
+        silence = now - view.host_time
+        if view.state == "live" and silence > self._patience():
+            view = replace(view, state="lost", trouble=f"nothing came for {silence:.1f} s", pressures=None)
+        since = now - self._begun
         return replace(
             view,
-            state="lost" if silent else view.state,
-            trouble=f"nothing came for {since:.1f} s" if silent else view.trouble,
-            pressures=None if silent else view.pressures,
-            since=since,
-            rate=len(self._times) / min(_RATE_S, max(now - self._begun, BIN_S)),
-            scale=round_up(max([_LEAST_SCALE, *recent])),
-            left_out=self._left_out(),
-            stuck=self._stuck() if view.readings >= _STUCK_FRAMES else (),
+            rate=self._history.rate(since),
+            scale=round_up(max(_LEAST_SCALE, self._history.largest(since))),
+            left_out=tuple(np.flatnonzero(~self._kept).tolist()),
         )
-
-    def _left_out(self) -> tuple[int, ...]:
-        return tuple(np.flatnonzero(~self._kept).tolist())
-
-    def _stuck(self) -> tuple[int, ...]:
-        still = self._places[~self._moved]
-        return tuple(still.tolist()) if 2 * len(still) < len(self._places) else ()
 
     def _take_tare(self, reading: Reading, now: float) -> None:
         assert self._taring is not None
@@ -290,28 +283,22 @@ class PadReader:
             if len(readings) < LEAST_FRAMES:
                 raise InputError(f"only {len(readings)} readings came in {_TARE_S:g} s")
             taken = take_tare(readings, self.device, self.name)
-        except InputError as error:
-            self._say(f"no tare: {error}")
-            return
-        if (
-            taken.stuck or taken.loaded
-        ) and self.on_reading is not None:  # who takes the readings cannot do without a taxel now
             wrong = ", ".join(map(str, taken.stuck + taken.loaded))
-            self._say(
-                f"no tare: stuck or always loaded is {wrong}; `bench tare` and --calibration leave such taxels out"
-            )
+            if wrong and self.on_reading is not None:  # who takes the readings cannot do without a taxel now
+                raise InputError(
+                    f"stuck or always loaded is {wrong}; `bench tare` and --calibration leave such taxels out"
+                )
+        except InputError as error:
+            self._set(message=f"no tare: {error}")
             return
         if self._calibration is not None:
             taken = taken.model_copy(update={"gain": self._calibration.gain, "dead": self._calibration.dead})
         self._calibration, self._correction = taken, Correction(taken, self.pad)
         self._kept = taken.kept
-        self._recent.clear()
+        self._history.forget_largest()
         self._set(tared=True, message=f"tared, from {len(readings)} readings")
         if self.on_tare is not None:
             self.on_tare(taken)
-
-    def _say(self, message: str) -> None:
-        self._set(message=message)
 
     def _set(self, **changes: Any) -> None:
         self._view = replace(self._view, number=self._view.number + 1, **changes)

@@ -121,7 +121,7 @@ def pad_lines(
     """Draw the picture of the pad and its scale within `width` x `height` characters."""
     picture = tactile_image(
         view.pressures, reader.pad.taxel_xy, from_behind, (width, height - 1), scale=view.scale,
-        marks=dict.fromkeys(view.stuck, "=") | dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
+        marks=dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
     )  # fmt: skip
     picture.rstrip()
     return [picture, scale_bar(view.scale, min(width, 40), colours)]
@@ -154,6 +154,7 @@ def _screen(
 ) -> Group:
     width, height = console.size
     shown = view if frozen is None else frozen
+    left_out = f"x left out: {', '.join(map(str, shown.left_out))}" if shown.left_out else ""
     colours = console.color_system is not None and not console.no_color
     lines: list[RenderableType] = [
         Text(printable(f"{reader.device.name} at {reader.name}"), "bold", no_wrap=True, overflow="ellipsis"),
@@ -166,7 +167,7 @@ def _screen(
         *pad_lines(
             shown, reader, width=width - 1, height=height - 11, from_behind=from_behind, colours=colours
         ),
-        Text(_legend(shown), "dim", no_wrap=True, overflow="ellipsis"),
+        Text(left_out, "dim", no_wrap=True, overflow="ellipsis"),
         Text(counters_shown(view.counters), "dim", no_wrap=True, overflow="ellipsis"),
         Text(printable(view.message), "yellow"),
         Text(_KEYS + (f"   {page}" if page else ""), "dim", no_wrap=True, overflow="ellipsis"),
@@ -184,15 +185,6 @@ def state_text(view: PadView, frozen: bool) -> Text:
         text.append("  ")
         text.append(" FROZEN: the picture is an earlier one ", "bold black on yellow")
     return text
-
-
-def _legend(view: PadView) -> str:
-    words = []
-    if view.left_out:
-        words.append(f"x left out: {', '.join(map(str, view.left_out))}")
-    if view.stuck:
-        words.append(f"= has not changed yet: {', '.join(map(str, view.stuck))}")
-    return "   ".join(words)
 
 
 def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], bool]) -> None:

@@ -101,7 +101,6 @@ def event_of(reader: PadReader, view: PadView) -> dict[str, Any]:
         "pressures": None if view.pressures is None else numbers(view.pressures, 1),
         "counters": view.counters,
         "leftOut": view.left_out,
-        "stuck": view.stuck,
         "tared": view.tared,
         "message": view.message,
         "history": [None if force is None else round(force, 3) for force in reader.history()],

@@ -88,8 +88,6 @@ whenSized(picture.parentElement, (now) => {
   dirty = true;
 });
 
-const mark = (taxel, event) => (event.leftOut.includes(taxel) ? "x" : event.stuck.includes(taxel) ? "=" : "");
-
 function drawPicture(event, live) {
   const ratio = window.devicePixelRatio || 1;
   const scale = width / (2 * reachX), height = 2 * reachY * scale;
@@ -103,19 +101,18 @@ function drawPicture(event, live) {
   context.textAlign = "center";
   context.textBaseline = "middle";
   const values = live && event ? event.pressures : null;
-  const bars = new Set(event ? [...event.leftOut, ...event.stuck] : []);
+  const leftOut = new Set(event ? event.leftOut : []);
   for (let taxel = 0; taxel < taxels; taxel++) {
     const [left, right, low, high] = edges(taxel);
     const x = (left + reachX) * scale, y = (reachY - high) * scale;
     const w = (right - left) * scale, tall = (high - low) * scale;
     const value = values ? values[taxel] : null;
-    const sign = bars.has(taxel) ? mark(taxel, event) : "";
     context.font = `500 ${Math.min(0.3 * tall, 0.32 * w, 22)}px system-ui, sans-serif`;
     if (value === null) {
       context.strokeStyle = line;
       context.strokeRect(x + 0.5, y + 0.5, w - 1, tall - 1);
       context.fillStyle = soft;
-      if (w > 14 && sign) context.fillText(sign, x + w / 2, y + tall / 2);
+      if (w > 14 && leftOut.has(taxel)) context.fillText("x", x + w / 2, y + tall / 2);
       continue;
     }
     const colour = ramp("up", value / event.scale);
@@ -123,7 +120,7 @@ function drawPicture(event, live) {
     context.fillRect(x, y, w, tall);
     if (w > 26) {
       context.fillStyle = ink(colour);
-      context.fillText(sign + String(Math.round(value) + 0), x + w / 2, y + tall / 2);
+      context.fillText(String(Math.round(value) + 0), x + w / 2, y + tall / 2);
     }
   }
 }
@@ -135,10 +132,7 @@ function drawScale(event) {
     context.fillRect(i, 0, 1, 1);
   }
   find("most").textContent = `${event.scale} kPa`;
-  const told = [];
-  if (event.leftOut.length) told.push(`x left out: ${event.leftOut.join(", ")}`);
-  if (event.stuck.length) told.push(`= has not changed yet: ${event.stuck.join(", ")}`);
-  find("marks").textContent = told.join("; ");
+  find("marks").textContent = event.leftOut.length ? `x left out: ${event.leftOut.join(", ")}` : "";
 }
 
 let historyWidth = 0;

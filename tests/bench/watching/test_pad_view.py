@@ -96,19 +96,17 @@ def test_a_tare_that_would_leave_a_taxel_out_is_refused_while_an_estimator_reads
     assert taken[-1].pressures[3] == 40.0
 
 
-def test_taxels_that_are_left_out_or_never_change_are_named(source, device, eventually):
+def test_taxels_that_are_left_out_are_named(source, device, eventually):
     calibration = Calibration(
         device="x", port="x", taken="2026-01-01T00:00:00Z", frames=40, tare=[1.0] * 36, noise=[1.0] * 36,
         gain=[2.0] * 36, dead=[7], stuck=[8],
     )  # fmt: skip
     frames = np.random.default_rng(0).standard_normal((250, 36))
-    frames[:, 3] = 0.25
     with PadReader(source, device, "here", calibration) as reader:
         source.feed(*frames)
         eventually(lambda: reader.view().readings == 250)
         view = reader.view()
     assert view.left_out == (7, 8)
-    assert view.stuck == (3,)
     assert np.isnan(view.pressures[[7, 8]]).all()
     kept = np.delete(np.arange(36), [7, 8])
     np.testing.assert_allclose(view.pressures[kept], 2 * (frames[-1, kept] - 1))
@@ -119,10 +117,10 @@ def test_history_is_the_mean_of_each_bin_that_has_ended(steps):
     history, bins, now = History(), {}, 0.0
     for step, force in steps:
         now += step
-        history.add(now, force)
+        history.add(now, force, 0.0)
         bins.setdefault(int(now / BIN_S), []).append(force)
         wanted = [bins.get(k) for k in range(int(now / BIN_S))]
-        seen = history.until(now)
+        seen = history.forces(now)
         assert len(seen) == len(wanted)
         for value, forces in zip(seen, wanted, strict=True):
             assert value is None if forces is None else value == pytest.approx(np.mean(forces))
@@ -130,6 +128,8 @@ def test_history_is_the_mean_of_each_bin_that_has_ended(steps):
 
 def test_history_forgets_what_is_too_old():
     history = History()
-    history.add(0.0, 1.0)
-    history.add(1e6, 2.0)
-    assert history.until(1e6) == [None] * round(HISTORY_S / BIN_S)
+    history.add(0.0, 1.0, 30.0)
+    history.add(1e6, 2.0, 20.0)
+    assert history.forces(1e6) == [None] * round(HISTORY_S / BIN_S)
+    assert history.largest(1e6) == 20.0
+    assert history.rate(1e6) < 1
