@@ -55,7 +55,7 @@ class Case:
     limit: float
     because: str
     measure: Callable[[Worst], None]
-    quick: bool = False
+    quick: bool = True
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def case(
     deviation: str,
     limit: float,
     because: str,
-    quick: bool = False,
+    quick: bool = True,
 ) -> Callable[[Callable[[Worst], None]], Case]:
     """Make a `Case` of the function below; a module's cases are the Case objects in it."""
 

@@ -36,7 +36,6 @@ def follow(**press: Any) -> History:
     deviation="contact forces at rest from the share of area, relative; 1 for a force that is not finite",
     limit=1e-5,
     because="springs taken at the end of a step are stable at any step, and rest does not depend on mass",
-    quick=True,
 )
 def mass_stiffness_step(worst: Worst) -> None:
     """Step the scene itself: a default MuJoCo contact would let a light letter fall through."""
@@ -76,6 +75,7 @@ def mass_stiffness_step(worst: Worst) -> None:
     "three peaks differ by over 5 %, or the force takes over 1 s to settle",
     limit=0.1,
     because="overshoot of 10 % is what force control may have; peaks that hang on the step hide an impact",
+    quick=False,
 )
 def force_control(worst: Worst) -> None:
     """Press with a light and a heavy hand, on foam and on stone."""
@@ -100,6 +100,7 @@ def force_control(worst: Worst) -> None:
     deviation="reading from the equilibrium's, relative to its largest taxel, where it settles",
     limit=5e-3,
     because="0.5 % is what full dynamics may be off; what does not settle is refused",
+    quick=False,
 )
 def through_time(worst: Worst) -> None:
     """Step presses through time, from a fly's to a hammer's."""

@@ -57,6 +57,7 @@ def exact_estimators() -> list[tuple[str, dict[str, object]]]:
     deviation="sum of the probabilities from 1; 1 for a wrong letter (but of particles), at every decade",
     limit=1e-9,
     because="probabilities are made from differences of logs, which do not drift",
+    quick=False,
 )
 def ten_thousand_readings(worst: Worst) -> None:
     """Go on reading long after everything is known."""
@@ -83,6 +84,7 @@ def ten_thousand_readings(worst: Worst) -> None:
     deviation="sum of the probabilities from 1; 1 if the mode moves (histogram)",
     limit=1e-9,
     because="n times a log-likelihood has its maximum where one has it",
+    quick=False,
 )
 def one_reading_many_times(worst: Worst) -> None:
     """Take in the same reading again and again."""
@@ -110,6 +112,7 @@ def one_reading_many_times(worst: Worst) -> None:
     deviation="log p(A) / p(E) from the exactly rounded sum, nats",
     limit=0.1,
     because="10,000 x 36 terms, each rounded by 2^-24 of at most 4 nats, all one way",
+    quick=False,
 )
 def no_drift(worst: Worst) -> None:
     """Balance two letters on a long sequence; a drift would tip it."""
@@ -138,7 +141,6 @@ def no_drift(worst: Worst) -> None:
     deviation="variance that the jackknife shows, from that of the readings' places in closed form, relative",
     limit=1e-4,
     because="the states are a tenth of the width apart and end five widths away; 1e6 nats cancel to 1e-9",
-    quick=True,
 )
 def readings_that_disagree(worst: Worst) -> None:
     """Tabulate the belief of readings whose log p are parabolas, and ask how much they disagree about the place."""
@@ -167,7 +169,6 @@ def readings_that_disagree(worst: Worst) -> None:
     deviation="probability of a letter",
     limit=1e-6,
     because="eq. 13 is a product; 8 sums of 36 float32 terms in another order round by 1e-6 nats",
-    quick=True,
 )
 def order_of_readings(worst: Worst) -> None:
     """Present the same readings in another order."""
@@ -190,7 +191,6 @@ def order_of_readings(worst: Worst) -> None:
     deviation="probability of a letter",
     limit=1e-12,
     because="letters are only summed over, and five numbers are summed in another order",
-    quick=True,
 )
 def order_of_letters(worst: Worst) -> None:
     """Fit to the same letters in another order: no letter may profit from its place."""
@@ -210,7 +210,6 @@ def order_of_letters(worst: Worst) -> None:
     deviation="probability of a letter; 1 for another letter or pose",
     limit=1e-6,
     because="bins that are left alone hold 1e-8 of the belief together",
-    quick=True,
 )
 def skipping(worst: Worst) -> None:
     """Compare a filter that skips what cannot matter with one that does not."""
@@ -238,7 +237,6 @@ def skipping(worst: Worst) -> None:
     deviation="sum of the probabilities from 1",
     limit=1e-9,
     because="a belief over one state is certain, and over none is refused",
-    quick=True,
 )
 def budget_of_one(worst: Worst) -> None:
     """Give every estimator the smallest budget."""
@@ -262,6 +260,7 @@ def budget_of_one(worst: Worst) -> None:
     deviation="sum of the probabilities from 1; 1 for a wrong letter after 30 readings (histogram)",
     limit=1e-9,
     because="thirty-six beliefs are normalised together",
+    quick=False,
 )
 def every_letter(worst: Worst) -> None:
     """Tell every glyph of the catalogue from every other."""
@@ -282,7 +281,6 @@ def every_letter(worst: Worst) -> None:
     deviation="sum of the probabilities from 1",
     limit=1e-9,
     because="any finite reading has a finite likelihood",
-    quick=True,
 )
 def faulty_taxels(worst: Worst) -> None:
     """Recognise with a pad that is broken in every way, and trained in good order."""
@@ -311,7 +309,6 @@ def faulty_taxels(worst: Worst) -> None:
     deviation="sum of the probabilities from 1",
     limit=1e-9,
     because="a map of nothing, or of everything, is a map",
-    quick=True,
 )
 def trained_on_faults(worst: Worst) -> None:
     """Learn from a broken pad, recognise with a good one."""
@@ -330,7 +327,6 @@ def trained_on_faults(worst: Worst) -> None:
     deviation="taken, or the belief changed by the refusal",
     limit=0,
     because="what is refused leaves no trace",
-    quick=True,
 )
 def refused_readings(worst: Worst) -> None:
     """Offer invalid readings between two valid ones."""
@@ -362,7 +358,6 @@ def refused_readings(worst: Worst) -> None:
     deviation="probability of a letter, from before; sum from 1",
     limit=1e-6,
     because="out there every letter's map says the prior, so nothing is learned about the letter",
-    quick=True,
 )
 def far_off_the_map(worst: Worst) -> None:
     """Read where there is nothing to be felt, whatever the reading says."""
@@ -387,7 +382,6 @@ def far_off_the_map(worst: Worst) -> None:
     deviation="placement error over the size of a bin, histogram filter",
     limit=2.0,
     because="the error is folded by the letter's symmetry; the free angle of O costs nothing",
-    quick=True,
 )
 def symmetric_letters(worst: Worst) -> None:
     """Find letters that look the same when turned, and measure the error by how they look."""
@@ -409,7 +403,6 @@ def symmetric_letters(worst: Worst) -> None:
     deviation="probability of a letter, from before",
     limit=1e-9,
     because="an Unknown taxel has the same likelihood everywhere",
-    quick=True,
 )
 def nothing_said(worst: Worst) -> None:
     """Take in readings without information: every taxel lies between the two limits of eq. 3."""
@@ -433,7 +426,6 @@ def nothing_said(worst: Worst) -> None:
     deviation="letters of 3 that are not found again",
     limit=0,
     because="a belief in logs loses no state for good",
-    quick=True,
 )
 def after_nonsense(worst: Worst) -> None:
     """Mislead an estimator at the start; it must say the right letter once the readings make sense."""

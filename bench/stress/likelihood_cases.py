@@ -34,7 +34,6 @@ def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float
     deviation="taxels classified otherwise than eq. 3 says",
     limit=0,
     because="a comparison has no rounding",
-    quick=True,
 )
 def classifier_edges(worst: Worst) -> None:
     """Classify the readings at which comparisons go wrong, taxel by taxel and all at once."""
@@ -65,7 +64,6 @@ def classifier_edges(worst: Worst) -> None:
     deviation="log p from eq. 7 in exact steps, relative; a gamma of 0 or 1 taken",
     limit=1e-9,
     because="a sum of two positive terms loses nothing; gamma = 0 makes log(1 - p) of p = 1 infinite",
-    quick=True,
 )
 def gamma(worst: Worst) -> None:
     """Evaluate eq. 7 where p rounds to 0 or 1: log-odds reach 128 in a scan, and 1000 here."""
@@ -129,7 +127,6 @@ def exact_log_p_of_letters(one: HistogramFilter, reading: FloatArray, pose: Floa
     deviation="log p(letter) from float64 terms summed by math.fsum, nats",
     limit=1e-2,
     because="16 readings of 36 terms, rounded by up to 2^-13 nats: four standard deviations of two letters' difference",
-    quick=True,
 )
 def tables(worst: Worst) -> None:
     """Compare a one-bin filter with exactly rounded sums, where nothing is interpolated."""
@@ -160,7 +157,6 @@ def tables(worst: Worst) -> None:
     deviation="probabilities from those of exactly rounded sums",
     limit=1e-3,
     because="36 terms rounded by up to 2^-12 nats, of which p sees a quarter: three standard deviations",
-    quick=True,
 )
 def one_reading_below_float32(worst: Worst) -> None:
     """Take in readings that contradict every letter: the factors' product would be 0 in float64 too."""
@@ -186,6 +182,7 @@ def one_reading_below_float32(worst: Worst) -> None:
     deviation="trials in which the letter is wrong, or its probabilities are not finite, after that",
     limit=0,
     because="logs have no such floor; argmax of a product says the first letter, without a word",
+    quick=False,
 )
 def products_would_be_zero(worst: Worst) -> None:
     """Recognise each letter with as many readings as drive the product of plain likelihoods to 0."""

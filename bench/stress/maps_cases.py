@@ -66,6 +66,7 @@ def deviation(scan: Scan, label: str, **options: float) -> FloatArray:
     deviation="log-odds from the exact sum, relative; cells below sigma / 25 taken",
     limit=1e-9,
     because="a taxel is left out where it adds less than 1e-12, and a thousand of them may be",
+    quick=False,
 )
 def point_spread_and_cell(worst: Worst) -> None:
     """Learn maps of one letter with sensors from a pin to a palm."""
@@ -85,7 +86,6 @@ def point_spread_and_cell(worst: Worst) -> None:
     deviation="log-odds from the exact sum, relative; a peak of 1 taken",
     limit=1e-6,
     because="1 - G' loses nine digits; G' >= 1 is no probability and is refused",
-    quick=True,
 )
 def peak_near_one(worst: Worst) -> None:
     """Learn maps with a sensor model that is nearly certain, or nearly without information."""
@@ -102,7 +102,6 @@ def peak_near_one(worst: Worst) -> None:
     deviation="log-odds from the exact sum, relative; a prior of 0 or 1 taken",
     limit=1e-6,
     because="a taxel is left out where it adds less than 1e-12, and a hundred of them may be",
-    quick=True,
 )
 def prior_near_zero_and_one(worst: Worst) -> None:
     """Learn maps where nearly all, or nearly nothing, is taken to be occupied."""
@@ -119,6 +118,7 @@ def prior_near_zero_and_one(worst: Worst) -> None:
     deviation="log-odds from so many times those of one reading, relative",
     limit=1e-9,
     because="10,000 roundings of 1e-16, relative; the log-odds themselves reach 10,000",
+    quick=False,
 )
 def one_reading_many_times(worst: Worst) -> None:
     """Learn from one reading again and again: evidence adds up and nothing overflows."""
@@ -141,7 +141,6 @@ def one_reading_many_times(worst: Worst) -> None:
     deviation="log-odds, from the order of the file",
     limit=1e-9,
     because="a cell sums a few thousand terms below 3 in another order",
-    quick=True,
 )
 def order_of_readings(worst: Worst) -> None:
     """Learn the same map from the same readings in another order."""
@@ -158,7 +157,6 @@ def order_of_readings(worst: Worst) -> None:
     deviation="probabilities from equal ones (but of particles), or from a sum of 1",
     limit=1e-6,
     because="the letters' maps are the same, so no reading may tell them apart",
-    quick=True,
 )
 def without_information(worst: Worst) -> None:
     """Train where nothing can be learned, then recognise: every letter stays as probable as any other."""
@@ -182,7 +180,6 @@ def without_information(worst: Worst) -> None:
     deviation="how many are taken",
     limit=0,
     because="a NaN in a map is silent: accuracy reads exactly 1 / letters",
-    quick=True,
 )
 def not_finite(worst: Worst) -> None:
     """Build maps and scans with NaN or infinity, which must be refused."""
@@ -208,7 +205,6 @@ def not_finite(worst: Worst) -> None:
     deviation="neither learned from nor refused in one line",
     limit=0,
     because="a map of a kilometre has 1e13 cells; it is refused before memory is asked for",
-    quick=True,
 )
 def far_apart(worst: Worst) -> None:
     """Learn maps from poses that are far apart."""

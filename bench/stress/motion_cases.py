@@ -16,7 +16,6 @@ from tactsim.estimators.filters.moving_bins import heat_kernel
     deviation="mass, variance far from the ends, and two half steps against one, from what they must be",
     limit=1e-9,
     because="the kernel is the solution of the heat equation on the grid, to rounding",
-    quick=True,
 )
 def heat(worst: Worst) -> None:
     """Check what a kernel on the grid must hold, whatever its size beside a bin."""
@@ -40,7 +39,6 @@ def heat(worst: Worst) -> None:
     deviation="mm between states and the same states turned into placements and back; or a step seen in another frame",
     limit=1e-9,
     because="a state and its placement are one pose and its inverse",
-    quick=True,
 )
 def frames(worst: Worst) -> None:
     """Turn states into placements and back, and take a step of the object in the robot's frame."""

@@ -14,7 +14,6 @@ from tactsim.bench.stress.case_data import few, fitted, hidden, pressed, see_sou
     deviation="sum of the probabilities from 1, after each of 5 readings",
     limit=1e-9,
     because="odds are kept in logs, and every variance has a floor",
-    quick=True,
 )
 def odd_readings(worst: Worst) -> None:
     """Ask whether it is none of the letters, whatever is felt."""

@@ -33,7 +33,6 @@ def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:
     deviation="sum of the probabilities from 1",
     limit=1e-9,
     because="weights are kept in logs, relative to the heaviest, so not all of them can be zero",
-    quick=True,
 )
 def all_weights_tiny(worst: Worst) -> None:
     """Contradict every particle with every reading."""
@@ -53,7 +52,6 @@ def all_weights_tiny(worst: Worst) -> None:
     deviation="share of draws from the weight's share, in standard deviations of the draw",
     limit=5.0,
     because="a draw is right on average; 5 standard deviations happen once in two million",
-    quick=True,
 )
 def resampling(worst: Worst) -> None:
     """Draw 200,000 times and count."""
@@ -81,7 +79,6 @@ def resampling(worst: Worst) -> None:
     deviation="height of the highest node over that of the mode found, relative, by brute force",
     limit=1e-9,
     because="both add up the same cones; columns are left out only where their upper bound is lower",
-    quick=True,
 )
 def mode_of_the_density(worst: Worst) -> None:
     """Add up every particle's cone (eq. 10, 11) at every node of the grid."""
@@ -113,7 +110,6 @@ def cones(nodes: FloatArray, state: FloatArray, weight: FloatArray) -> FloatArra
     deviation="answers that differ for one seed, or agree for two",
     limit=0,
     because="all randomness comes from the generator that reset is given",
-    quick=True,
 )
 def same_seed(worst: Worst) -> None:
     """Repeat a sequence with the same and with another seed."""

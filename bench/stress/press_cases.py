@@ -44,7 +44,6 @@ def ideal(name: str, poses: FloatArray, options: ScanOptions) -> FloatArray:
     deviation="reading over force, from that at 1 N, relative to the largest taxel",
     limit=1e-5,
     because="a press ends within 1e-6 of the balance of forces; the pressure is in proportion to the force",
-    quick=True,
 )
 def force(worst: Worst) -> None:
     """Press the same letter harder and harder."""
@@ -61,7 +60,6 @@ def force(worst: Worst) -> None:
     deviation="kPa read where nothing touches, or not finite where something does",
     limit=0,
     because="no overlap is free fall, and F / 0 is no pressure",
-    quick=True,
 )
 def empty(worst: Worst) -> None:
     """Press beside the letter."""
@@ -81,7 +79,6 @@ def empty(worst: Worst) -> None:
     deviation="kPa between the same press done after others",
     limit=1e-12,
     because="a press is reset whole, the solver's warm start included; only BLAS sums in another order",
-    quick=True,
 )
 def order_of_presses(worst: Worst) -> None:
     """Press in another order: what a solver remembers would show."""
@@ -99,7 +96,6 @@ def order_of_presses(worst: Worst) -> None:
     deviation="force on the taxels over the force of the press, beyond 1; 1 for a reading that is not finite",
     limit=1e-6,
     because="taxels share the force with the gaps and the rim, so they carry at most all of it",
-    quick=True,
 )
 def pads(worst: Worst) -> None:
     """Press pads from a pin's head to a table."""
@@ -134,7 +130,6 @@ def refused_sensor(**options: Any) -> bool:
     deviation="readings that are not finite, above saturation, off the steps or alive though dead",
     limit=0,
     because="what a sensor reports is a number it can report",
-    quick=True,
 )
 def sensor(worst: Worst) -> None:
     """Read with sensors at the end of every scale."""
@@ -170,6 +165,7 @@ def sensor(worst: Worst) -> None:
     deviation="force on a bed from the force of the press, relative; or no sentence that it does not settle",
     limit=1e-4,
     because="a press balances its force or is refused: a load outside the contact has no equilibrium",
+    quick=False,
 )
 def tilt(worst: Worst) -> None:
     """Tilt the letter until it stands on a corner, and let it give way."""
@@ -198,7 +194,6 @@ def tilt(worst: Worst) -> None:
     deviation="their areas' sum from the footprint's area, relative",
     limit=1e-9,
     because="a cell under two overlapping parts would count twice; corners lie on a grid of 1e-8 mm",
-    quick=True,
 )
 def parts(worst: Worst) -> None:
     """Add up convex parts: they tile the letter without gap or overlap."""
@@ -224,7 +219,6 @@ def pressed_by(engine: str, touches: Touches, **press: Any) -> tuple[Pressed, Fl
     deviation="force on the points from the force of the press, relative; 1 for a blank without a reason",
     limit=1e-6,
     because="a press balances its force within 1e-6, whatever its stiffness, or is a blank",
-    quick=True,
 )
 def points_balance(worst: Worst) -> None:
     """Press one letter with all that the options allow."""
@@ -267,7 +261,6 @@ def press_on(
     deviation="forces under a face from the force of the press, relative; 1 for a pressure that pulls",
     limit=1e-6,
     because="force and hinges are solved for together with the pressures",
-    quick=True,
 )
 def layers_balance(worst: Worst) -> None:
     """Press from a breath to a truck, on a film and on a mattress."""
