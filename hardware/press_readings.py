@@ -1,4 +1,4 @@
-"""Presses in the readings of recordings: what each reads, at its load and on the way there, and which taxels are wrong."""
+"""Presses in the readings of recordings: what each reads, at its load and on the way there; taxels that are wrong."""
 
 from __future__ import annotations
 
@@ -250,7 +250,7 @@ def _presses_of(
 def _on_the_way(
     before: FloatArray, held: FloatArray, shares: FloatArray
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Find the moments of a press in what was read before it and within it; see `moments_of`. Only its own rise counts."""
+    """Find the moments of a press in what was read before it and within it, of its own rise alone; see `moments_of`."""
     images = np.concatenate([before, held])
     felt = images.sum(axis=1)
     load = felt - np.quantile(felt, 0.05)

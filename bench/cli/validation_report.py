@@ -9,8 +9,7 @@ from rich.console import Console
 
 from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.console import plain_console, plain_table
-from tactsim.bench.pad.trained_elsewhere import TOUCHES
-from tactsim.bench.pad.validation import ROWS
+from tactsim.bench.pad.validation import ROWS, TOUCHES
 
 if TYPE_CHECKING:
     from tactsim.bench.pad.validation import Validation
@@ -37,7 +36,6 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         console.print(_outlines(result), soft_wrap=True)
     for name, value in result.clipped.items():
         console.print(f"bound   {name} {value:.4g} is beyond what a scan takes; the world has the bound")
-    _show_parts(console, result)
     _show_recognition(console, result)
     if out is not None:
         name = next(iter(result.recognition))
@@ -149,19 +147,6 @@ def _range(low: float, high: float) -> str:
     if high == _ALL:
         return f"at least {low:,.4g}"
     return f"{low:,.4g} to {high:,.4g}" if low else f"at most {high:,.4g}"
-
-
-def _show_parts(console: Console, result: Validation) -> None:
-    table = plain_table("distance with", f"rms {result.unit}", "of the squares", "95 %")
-    for part in result.parts:
-        name = "left" if part.name == "left" else f"+ {part.name}"
-        table.add_row(
-            name,
-            f"{part.rms:.3g}",
-            f"{100 * part.share:.1f} %",
-            f"{100 * part.low:.1f} to {100 * part.high:.1f}",
-        )
-    console.print(table)
 
 
 def _show_recognition(console: Console, result: Validation) -> None:

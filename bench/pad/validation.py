@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.pad.explained import Part, explained
+from tactsim.bench.config import RunConfig
+from tactsim.bench.experiment import perform
 from tactsim.bench.pad.fitted_world import clipped, fitted_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
-from tactsim.bench.pad.trained_elsewhere import recognised
+from tactsim.bench.score import wilson
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
+from tactsim.core.scan import train_on
 from tactsim.estimators import create
 from tactsim.hardware.gain_fit import best_gain
 from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
@@ -35,6 +37,9 @@ _MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and chang
 _FEWEST_PRESSES = 60
 _FOLDS = 10
 _ALIKE = 0.99  # correlation of two presses at one pose, from which on they are one press for a fit
+TOUCHES = (1, 2, 3, 5, 10)  # after which the share right is shown
+_MOST_TOUCHES = 20
+_RIGHT = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +49,7 @@ class Validation:
     readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
     many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
     outlined: letters whose outlines were fitted, in the order of `fit.grown`. recognition: by estimator and what it was
-    trained on, see `recognised`. parts: how much of the distance goes with each part of the fit. parameters: a world
-    file. clipped: what was found beyond a world's bounds.
+    trained on, see `recognised`. parameters: a world file. clipped: what was found beyond its bounds.
     """
 
     readings: int
@@ -59,7 +63,6 @@ class Validation:
     fit: SensorFit
     outlined: tuple[str, ...]
     recognition: dict[str, dict[str, dict[str, Any]]]
-    parts: list[Part]
     parameters: dict[str, Any]
     clipped: dict[str, float]
 
@@ -136,10 +139,52 @@ def validate(
         fit=fit,
         outlined=presses.outlined,
         recognition=recognition,
-        parts=explained(few.readings, presses, fit, np.random.default_rng(seed)),
         parameters=world,
         clipped=clipped(presses.options, fit),
     )
+
+
+def recognised(
+    train: Scan,
+    recorded: Scan,
+    estimator: str,
+    options: Mapping[str, Any],
+    trials: int,
+    seed: int,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Train on one scan and recognise the test presses of a recorded one, or all if it has none.
+
+    The same seed gives the same touches whatever was trained on.
+    """
+    scan = train_on(train.of_letters(recorded.letters), recorded)
+    fewest = min(len(scan.where("test", letter)) for letter in scan.letters)
+    config = RunConfig(
+        estimator=estimator, set=dict(options), trials=trials, readings=min(_MOST_TOUCHES, fewest), seed=seed,
+        given=scan.digest,
+    )  # fmt: skip
+    run = perform(config, scan=scan, progress=progress)
+    right = run.trials.right
+    accuracy = right.mean(axis=0)
+    low, high = wilson(right.sum(axis=0), len(right))
+    errors = run.summary["error_mm"]
+    return {
+        "trials": len(right),
+        "touches": config.readings,
+        "accuracy": accuracy.tolist(),
+        "accuracy_low": low.tolist(),
+        "accuracy_high": high.tolist(),
+        "touches_to_95": touches_to(accuracy),
+        "error_mm": errors[-1],
+        "options": run.about["options"],
+    }
+
+
+def touches_to(accuracy: Sequence[float] | NDArray[np.float64]) -> int | None:
+    """Count the touches from which on at least 95 % are right, (touches,) accuracy; None if that is never so."""
+    below = np.flatnonzero(np.asarray(accuracy) < _RIGHT)
+    first = int(below[-1]) + 2 if len(below) else 1
+    return first if first <= len(accuracy) else None
 
 
 def numbers_of_copies(scan: Scan) -> NDArray[np.intp]:

@@ -73,7 +73,9 @@ def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page
         Text(
             printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
         ),
-        *pad_lines(view, reader, width=width - 1, height=height - 9, from_behind=told.from_behind, colours=colours),
+        *pad_lines(
+            view, reader, width=width - 1, height=height - 9, from_behind=told.from_behind, colours=colours
+        ),
         Text(printable(told.line(now.belief)), "bold"),
         Text(_KEYS, "dim", no_wrap=True),
     ]

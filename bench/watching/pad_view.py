@@ -76,7 +76,8 @@ class History:
     """
 
     def __init__(self) -> None:
-        self._bins: deque[_Bin] = deque(maxlen=_BINS + 1)  # those with a reading; the last may still be filled
+        # Those with a reading; the last may still be filled.
+        self._bins: deque[_Bin] = deque(maxlen=_BINS + 1)
 
     def add(self, time_s: float, force_n: float, largest_kpa: float) -> None:
         """Add a reading."""

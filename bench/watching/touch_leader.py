@@ -236,4 +236,3 @@ class TouchLeader:
                 asked=self._poses[number],
                 tried=False,
             )
-

@@ -29,7 +29,9 @@ def test_a_hidden_object_is_recognised_as_json(here, scan_file):
 
 
 def test_a_hidden_object_is_recognised_in_lines(here, scan_file):
-    result = here("live", "--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "2", *SMALL)
+    result = here(
+        "live", "--port", "simulated:O@2,1,0.3", "--train-scan", scan_file, "--readings", "2", *SMALL
+    )
     assert result.returncode == 0, result.stderr
     *lines, latency = result.stdout.splitlines()
     assert latency.startswith("2 touches, each known ")

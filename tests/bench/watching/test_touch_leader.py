@@ -131,4 +131,3 @@ def calibration_of(noise):
         noise=noise,
         gain=[1.0] * 36,
     )
-
