@@ -6,13 +6,29 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core import Scan
-from tactsim.env.sub_environments import SubEnvironments
-from tactsim.env.touch_spaces import Floats, say_action, touch_action
+from tactsim.core import InputError, Scan
+from tactsim.core.checking import checked
+from tactsim.core.errors import short
+from tactsim.core.poses import FloatArray
+from tactsim.env.hidden_objects import Hidden, touch
+from tactsim.env.reward import Reward, entropy
+from tactsim.env.touch_spaces import (
+    Floats,
+    action_space,
+    checked_actions,
+    decoded,
+    observation_space,
+    say_action,
+    touch_action,
+    within,
+)
+from tactsim.env.world import world
 from tactsim.estimators import Estimator
+from tactsim.estimators.estimator import checked_estimate, no_exit
 
 
 class TouchEnv(gymnasium.Env):
@@ -36,10 +52,14 @@ class TouchEnv(gymnasium.Env):
     pad and training readings are used, by default the first. fast: press by the forward model. render_mode:
     None, as nothing is drawn.
 
+    labels: those that can be said, in the order of an action's scores. reach: mm, how far touches reach. estimator:
+    that of the belief, to ask it for all of its estimate or for proposals; None without one.
+
     Raises InputError for a wrong option.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium declares it
+    observation_space: gymnasium.spaces.Dict
 
     def __init__(
         self,
@@ -56,12 +76,28 @@ class TouchEnv(gymnasium.Env):
         fast: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        self._objects = SubEnvironments(
-            1, task, belief=belief, belief_options=belief_options, right=right, wrong=wrong, touch_cost=touch_cost,
-            information=information, slip=slip, scan_seed=scan_seed, fast=fast, render_mode=render_mode,
-        )  # fmt: skip
-        self.action_space = self._objects.action_space
-        self.observation_space = self._objects.observation_space
+        if render_mode is not None:
+            raise InputError(f"render_mode {short(render_mode)}: an environment draws nothing; leave it out")
+        words = {"right": right, "wrong": wrong, "touch_cost": touch_cost, "information": information}
+        self.reward = checked(Reward, words, "environment")
+        if belief is None and information:
+            raise InputError(
+                "information is rewarded only with a belief; name an estimator, such as belief='refined'"
+            )
+        if belief is None and belief_options:
+            raise InputError("belief_options are those of an estimator; name it, such as belief='refined'")
+        self.world = world(task, scan_seed, slip or {}, fast)
+        self.labels, self.reach = self.world.labels, self.world.reach
+        self.estimator: Estimator | None = None
+        if belief is not None:
+            self.estimator = self.world.fitted(belief, belief_options or {})
+        self.action_space = action_space(self.labels)
+        self.observation_space = observation_space(self.world, belief=belief is not None)
+        self.hidden: Hidden | None = None
+        # What the next touch reads, and whether it comes to rest, if it was pressed together with others' touches.
+        self.pressed: tuple[FloatArray, np.bool_] | None = None
+        self._seen: dict[str, Any] = {}
+        self._entropy = 0.0
         self._running = self._closed = False
 
     def reset(
@@ -70,28 +106,75 @@ class TouchEnv(gymnasium.Env):
         """Hide another object. One seed hides the same object and gives the same luck; options: none are known."""
         super().reset(seed=seed)
         self._check_open()
-        self._objects.reset(0, self.np_random)
-        self._running = True
+        # The estimator's seed is drawn with and without one, so that the object and its readings are the same.
+        own = np.random.default_rng(self.np_random.integers(2**63))
+        self.hidden, self.pressed, self._running = Hidden(self.world, self.np_random), None, True
+        self._seen = {
+            name: np.zeros(space.shape or (), dtype=space.dtype)[()]
+            for name, space in self.observation_space.items()
+        }
+        if self.estimator is not None:
+            with no_exit(self.estimator):
+                self.estimator.reset(own)
+            self._believe(self.estimator)
         return self._observation(), {}
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Touch, or stop and say a label.
 
-        Raises InputError for an action outside of the space, ResetNeeded if no episode is running,
-        ClosedEnvironmentError if the environment was closed.
+        Raises InputError, and touches nothing, for an action outside of the space, ResetNeeded if no episode is
+        running, ClosedEnvironmentError if the environment was closed.
         """
-        self._check_open()
-        if not self._running:
-            raise ResetNeeded("no episode is running; call reset")
-        (reward,), (stopped,) = self._objects.step([0], [action])
-        self._running = not stopped
-        return (
-            self._observation(),
-            float(reward),
-            bool(stopped),
-            False,
-            self._objects.truth(0) if stopped else {},
+        hidden = self.running()
+        (pose,), (stops,), (said,) = decoded(
+            checked_actions([action], 1, self.labels, self.reach), self.reach
         )
+        if not stops:
+            reward = self._touch(hidden, pose)
+            return self._observation(), reward, False, False, {}
+        self._running = False
+        reward = self.reward.right if self.labels[said] == self.answer else -self.reward.wrong
+        truth = {"answer": self.answer, "robot_in_object": hidden.robot_in_object.copy()}
+        return self._observation(), reward, True, False, truth
+
+    def running(self) -> Hidden:
+        """Give the object of the episode. Raises ResetNeeded if none is running, ClosedEnvironmentError if closed."""
+        self._check_open()
+        if self.hidden is None or not self._running:
+            raise ResetNeeded("no episode is running; call reset")
+        return self.hidden
+
+    def observed(self, pose: ArrayLike) -> Floats:
+        """Give a touch's pose (..., 3) as it is observed, in single precision: exactly there it is pressed."""
+        return within(self.observation_space, "pose", pose)
+
+    def _touch(self, hidden: Hidden, asked: FloatArray) -> float:
+        """Touch at a pose (3,), and return what that earns."""
+        # Estimators are given what is observed, in single precision, as one outside the environment would be.
+        pose = self.observed(asked)
+        if self.pressed is None:
+            (reading,), (rests,) = touch(self.world, [hidden], pose[None].astype(float))
+        else:
+            (reading, rests), self.pressed = self.pressed, None
+        reading = within(self.observation_space, "reading", reading)
+        self._seen |= {"pose": pose, "reading": reading, "felt": np.int64(rests)}
+        before = self._entropy
+        if self.estimator is not None and rests:
+            with no_exit(self.estimator):
+                self.estimator.update(reading, pose)
+            self._believe(self.estimator)
+        return float(self.reward.information * (before - self._entropy) - self.reward.touch_cost)
+
+    def _believe(self, estimator: Estimator) -> None:
+        """Note what the estimator believes now. Raises InputError that names it if its answer is no estimate."""
+        estimate = checked_estimate(estimator, self.labels)
+        probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
+        self._entropy = float(entropy(probabilities))
+        for name, values in (("probabilities", probabilities), ("place", estimate.robot_in_object)):
+            self._seen[name] = within(self.observation_space, name, values)
+
+    def _observation(self) -> dict[str, NDArray[Any]]:
+        return {name: values.copy() for name, values in self._seen.items()}
 
     def close(self) -> None:
         """Close the environment; it can be closed again."""
@@ -101,28 +184,10 @@ class TouchEnv(gymnasium.Env):
         if self._closed:
             raise ClosedEnvironmentError("the environment was closed; make another")
 
-    def _observation(self) -> dict[str, Any]:
-        return {name: values[0] for name, values in self._objects.observation.items()}
-
-    @property
-    def reach(self) -> float:
-        """How far touches reach, mm: the x or y of an action's 1."""
-        return self._objects.world.reach
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The labels that can be said, in the order of an action's scores."""
-        return self._objects.labels
-
     @property
     def scan(self) -> Scan:
         """The training readings, which a policy may learn from; they are pressed when they are first asked for."""
-        return self._objects.world.scan
-
-    @property
-    def estimator(self) -> Estimator | None:
-        """The estimator of `belief`, to ask it for all of its estimate or for proposals; None without one."""
-        return self._objects.beliefs[0] if self._objects.beliefs else None
+        return self.world.scan
 
     @property
     def answer(self) -> str:
@@ -130,7 +195,9 @@ class TouchEnv(gymnasium.Env):
 
         Raises ResetNeeded before the first `reset`.
         """
-        return self._objects.answer(0)
+        if self.hidden is None:
+            raise ResetNeeded("no object was hidden yet; call reset")
+        return self.world.answer(self.hidden.letter)
 
     def touch(self, sensor_in_robot: ArrayLike) -> Floats:
         """Make the action that touches at [x, y, theta] mm, mm, rad. Raises InputError for what is no pose."""

@@ -68,9 +68,9 @@ def test_a_belief_changes_nothing_of_what_is_felt():
 def test_what_is_touched_does_not_change_the_luck_of_later_touches():
     env = make("tactsim/slip-v1")
     first, _ = episode(env, 7, [(0, 0, 0), (1, 1, 1), (3, 0, 0)])
-    path = env._objects.hidden[0].path.copy()
+    path = env.hidden.path.copy()
     other, _ = episode(env, 7, [(9, -9, 2), (-5, 4, 0), (3, 0, 0)])
-    assert np.array_equal(path, env._objects.hidden[0].path)
+    assert np.array_equal(path, env.hidden.path)
     assert same(first[3], other[3])
 
 
@@ -117,11 +117,9 @@ def test_two_truths_that_feel_alike_cannot_be_told_apart(monkeypatch):
 
     def lived(letter, pose):
         env.reset(seed=11)
-        hidden = env._objects.hidden[0]
+        hidden = env.hidden
         hidden.letter, hidden.path = letter, np.tile(pose, (20, 1))
-        monkeypatch.setattr(
-            env._objects.world, "press", lambda *_: (felt[[hidden.touches]].copy(), np.array([True]))
-        )
+        monkeypatch.setattr(env.world, "press", lambda *_: (felt[[hidden.touches]].copy(), np.array([True])))
         return [env.step(env.touch(pose)) for pose in POSES]
 
     for one, other in zip(lived(0, [1.0, 2.0, 3.0]), lived(3, [-4.0, 0.0, 0.5]), strict=True):
@@ -132,20 +130,20 @@ def test_two_truths_that_feel_alike_cannot_be_told_apart(monkeypatch):
 def test_a_press_that_does_not_come_to_rest_costs_its_touch_and_tells_nothing(monkeypatch):
     env = make(belief="histogram", information=1.0, touch_cost=0.25)
     (_, before), _ = episode(env, 1, POSES[:1])
-    monkeypatch.setattr(env._objects.world, "press", lambda *_: (np.zeros((1, 36)), np.array([False])))
+    monkeypatch.setattr(env.world, "press", lambda *_: (np.zeros((1, 36)), np.array([False])))
     observation, reward, *_ = env.step(env.touch(POSES[1]))
     assert (observation["felt"], before["felt"], reward) == (0, 1, -0.25)
     assert not observation["reading"].any()
     assert observation["pose"] == pytest.approx(POSES[1])
     assert np.array_equal(observation["probabilities"], before["probabilities"])
-    hidden = env._objects.hidden[0]
+    hidden = env.hidden
     assert (hidden.touches, hidden.readings) == (2, 1)
 
 
 def test_a_worn_pad_reads_what_its_sensor_makes_of_the_touches_so_far(monkeypatch):
     env = make("tactsim/worn-pad-v1")
     env.reset(seed=2)
-    hidden, world = env._objects.hidden[0], env._objects.world
+    hidden, world = env.hidden, env.world
     ideal = np.random.default_rng(0).uniform(0, 40, (5, 36))
     pressed, rng, before = [], copy.deepcopy(hidden.rng), None
 
@@ -172,7 +170,7 @@ def test_a_worn_pad_reads_what_its_sensor_makes_of_the_touches_so_far(monkeypatc
 def test_an_object_that_slips_is_touched_where_it_then_is():
     env = make("tactsim/letters-offgrid-v1", slip={"drift_mm": 1.0})
     env.reset(seed=0)
-    hidden = env._objects.hidden[0]
+    hidden = env.hidden
     places = []
     for _ in range(45):  # beyond the 20 touches of a trial
         places.append(invert(hidden.robot_in_object)[:2])
