@@ -28,18 +28,6 @@ MOST_UNDERCUTS = 20_000  # facets that look down and hide others; to fill below 
 _LEVELS = 8  # depths at which outlines are compared to find the symmetry
 
 
-class Window(NamedTuple):
-    """What of a shape a pad may meet: a square of half side `radius` about (x, y), mm.
-
-    reach: mm, how much further than the point at (x, y) the pad may get.
-    """
-
-    x: float
-    y: float
-    radius: float
-    reach: float
-
-
 class HeightField(NamedTuple):
     """What a pad can meet of a mesh, along z of some axes.
 
@@ -91,34 +79,20 @@ class Relief:
         """Give each triangle's unit normal, (m, 3), pointing outwards; 0 for one without area."""
         return _normals(self.vertices[self.triangles])
 
+    def turned(self, rotation: FloatArray) -> Relief:
+        """See the mesh in other axes, which are the columns of rotation (3, 3) in its own: x_mesh = rotation x."""
+        return Relief(self.vertices @ rotation, self.triangles)
+
     @cached_property
     def seen_from_above(self) -> HeightField:
-        """List what is seen from +z."""
-        return self.seen_along(np.eye(3))
-
-    def seen_along(self, rotation: FloatArray, window: Window | None = None) -> HeightField:
-        """List what is seen from +z once the mesh is turned.
-
-        rotation: (3, 3), whose columns are the axes to see the mesh in, in its own frame: x_mesh = rotation x.
-        window: all that matters; what lies wholly outside may be left out.
-        Raises InputError if too many facets hide others.
-        """
-        vertices = self.vertices @ rotation
-        rise = self.normals @ rotation[:, 2]
-        low, high = float(vertices[:, 2].min()), float(vertices[:, 2].max())
-        seen = vertices[self.triangles[rise > LEAST_RISE]]
-        floor = -math.inf
-        if window is not None:
-            seen = seen[_within(seen, window)]
-            floor = _height_at(seen, window) - window.reach
-            seen = seen[seen[:, :, 2].max(axis=1) > floor]
-        if self.hull is None and len(seen):
-            above = vertices[self.triangles[rise < -LEAST_RISE]]
-            above = above[above[:, :, 2].max(axis=1) > seen[:, :, 2].min() + FLATNESS]
-            if window is not None:
-                above = above[_within(above, window)]
-            if len(above):
-                seen = _uncovered(vertices, self.triangles, window, floor)
+        """List what is seen from +z. Raises InputError if too many facets hide others."""
+        corners, rise = self.vertices[self.triangles], self.normals[:, 2]
+        low, high = float(self.vertices[:, 2].min()), float(self.vertices[:, 2].max())
+        seen = corners[rise > LEAST_RISE]
+        if self.hull is None:
+            above = corners[rise < -LEAST_RISE]
+            if (above[:, :, 2].max(axis=1) > seen[:, :, 2].min() + FLATNESS).any():
+                seen = _uncovered(self.solid)
         seen[:, :, 2] = high - seen[:, :, 2]
         front = seen[:, :, 2].min(axis=1)
         order = np.argsort(front, kind="stable")
@@ -167,44 +141,17 @@ def _normals(corners: FloatArray) -> FloatArray:
     return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
 
 
-def _within(facets: FloatArray, window: Window) -> NDArray[np.bool_]:
-    """Tell which facets (m, 3, 3) may reach into a window: (m,)."""
-    low, high = facets[:, :, :2].min(axis=1), facets[:, :, :2].max(axis=1)
-    middle = np.array([window.x, window.y])
-    return ((low < middle + window.radius) & (high > middle - window.radius)).all(axis=1)
-
-
-def _height_at(facets: FloatArray, window: Window) -> float:
-    """Find how high the highest of the facets lies in the middle of a window, mm; -infinity if none is there."""
-    a, b, c = (facets[:, i, :2] - (window.x, window.y) for i in range(3))
-    shares = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1)  # areas, the middle for a corner
-    over = (shares >= 0).all(axis=1) & (shares.sum(axis=1) > 0)
-    if not over.any():
-        return -math.inf
-    shares = shares[over]
-    return float(np.max(np.sum(shares * facets[over, :, 2], axis=1) / shares.sum(axis=1)))
-
-
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _uncovered(
-    vertices: FloatArray, triangles: NDArray[np.int64], window: Window | None, floor: float
-) -> FloatArray:
-    """List the facets of a mesh that look up, each where nothing hides it: (m, 3, 3).
+def _uncovered(solid: Manifold) -> FloatArray:
+    """List the facets of a solid that look up, each where nothing hides it: (m, 3, 3).
 
-    With a window, what lies outside or below the height `floor` is left out. What lies below the facets that look
-    down is filled. Raises InputError if they are too many.
+    What lies below the facets that look down is filled. Raises InputError if they are too many.
     """
-    from manifold3d import Manifold, Mesh64, OpType
+    from manifold3d import Manifold, OpType
 
-    solid = Manifold(Mesh64(np.ascontiguousarray(vertices), triangles.astype(np.uint64)))
-    if window is not None:
-        _, _, low, _, _, high = solid.bounding_box()
-        side, low = 2 * window.radius, max(low - 1, floor)
-        column = Manifold.cube((side, side, high + 1 - low), True)
-        solid ^= column.translate((window.x, window.y, (low + high + 1) / 2))
     mesh = Relief.of(solid)
     corners, rise = mesh.vertices[mesh.triangles], mesh.normals[:, 2]
     above, seen = corners[rise < -LEAST_RISE], corners[rise > LEAST_RISE]

@@ -33,16 +33,15 @@ _LARGEST = 1 << 28  # bytes of a file
 
 def key(touches: Touches, options: ScanOptions) -> str:
     """Hash all that the ideal readings of `touches` depend on, 64 hex digits."""
-    poses, tilts, rotations, load = (
+    poses, tilts, load = (
         hashlib.sha256(np.ascontiguousarray(() if array is None else array, "<f8").tobytes()).hexdigest()
-        for array in (touches.poses, touches.tilts, touches.rotations, touches.load)
+        for array in (touches.poses, touches.tilts, touches.load)
     )
     content = json.dumps(
         {
             "letter": touches.letter.digest,
             "poses": poses,
             "tilts": tilts,
-            "rotations": rotations,
             "load": load,
             "pad": options.pad.model_dump(mode="json"),
             "press": options.press.model_dump(mode="json"),

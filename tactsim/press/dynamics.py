@@ -110,8 +110,6 @@ def _bed(touches: Touches, options: ScanOptions) -> Bed:
         raise InputError(
             f"press.engine: {options.press.engine} works out presses at rest; with dynamics = full give auto"
         )
-    if touches.rotations is not None:
-        raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
     return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
 
 

@@ -2,8 +2,8 @@
 
 The engines answer the same question, each in a file of its own: `exact` (flat faces in closed form), `balance` (the
 engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone, its collision
-detection included), `relief` (any shape, from any side), `elastic` (a layer or half-space instead of springs) and, for
-a press through time, `dynamics`. Each is imported when it first presses: some bring MuJoCo, SciPy or compiled loops.
+detection included), `relief` (any shape), `elastic` (a layer or half-space instead of springs) and, for a press through
+time, `dynamics`. Each is imported when it first presses: some bring MuJoCo, SciPy or compiled loops.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.models.letter import Letter
+from tactsim.models.relief import Relief
 from tactsim.press.bed import has_relief
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, hysteretic, sense
@@ -110,7 +111,9 @@ def press_letter(
 
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
     taxels; without it there are none. rotation: (3, 3), or anything with `as_matrix` such as a SciPy Rotation: presses
-    from another side, as `Touches.rotations` says.
+    from another side than above. Its columns are axes in the object frame: the third is the pad's normal, pointing away
+    from the letter, and the pose lies in the plane of the other two. The pad's own axes are rotation @ Rz(theta) then, and
+    its middle is on the line rotation @ (x, y, any z).
     Raises InputError if the pose is not three finite numbers, the rotation is none or another argument is of the
     wrong type, UnsettledError if the press does not come to rest.
     """
@@ -129,9 +132,9 @@ def press_letter(
     if rng is None:
         sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0, "texture": 0.0})
         rng = np.random.default_rng(0)
-    touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     if rotation is not None:
-        touches = replace(touches, rotations=_rotation(rotation)[None])
+        letter, options = _from_a_side(letter, _rotation(rotation), options)
+    touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     moved = None
     if options.press.dynamics == "full":
         from tactsim.press.dynamics import ideal_sequence
@@ -160,6 +163,22 @@ def _rotation(given: Any) -> FloatArray:
     return matrix
 
 
+def _from_a_side(letter: Letter, rotation: FloatArray, options: ScanOptions) -> tuple[Letter, ScanOptions]:
+    """Turn a letter so that it is seen from above in the axes `rotation` (3, 3), and have `relief` press it.
+
+    Raises InputError for options that ask for another engine.
+    """
+    press = options.press
+    if press.dynamics == "full":
+        raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")
+    if press.engine not in ("auto", "relief"):
+        raise InputError(
+            f"press.engine: {press.engine} cannot press this: {letter.name!r} is pressed from a side; give auto"
+        )
+    turned = replace(letter, relief=(letter.relief or Relief.of(letter.solid)).turned(rotation))
+    return turned, options.model_copy(update={"press": press.model_copy(update={"engine": "relief"})})
+
+
 def engine_for(touches: Touches, options: ScanOptions) -> str:
     """Name the engine that presses: the one asked for, or the cheapest that is exact here.
 
@@ -171,14 +190,14 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         if obstacle:
             raise InputError(f"press.engine: {press.engine} cannot press this: {obstacle}; give auto")
         return press.engine
+    relief = has_relief(touches.letter, press)
     if press.foundation != "winkler":
-        obstacle = _of_shape(touches, options)
-        if obstacle:
+        if relief:
             raise InputError(
-                f"press.foundation: {press.foundation} cannot carry this: {obstacle}; give winkler"
+                f"press.foundation: {press.foundation} cannot carry this: {touches.letter.name!r} has relief; give winkler"
             )
         return "elastic"
-    if _of_shape(touches, options):
+    if relief:
         return "relief"
     level = press.wrist_stiffness is None and not touches.tilts.any() and not touches.letter.rounding
     return "exact" if level and press.skip.solver and press.skip.parts else "bed"
@@ -189,23 +208,10 @@ def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
     press = options.press
     if press.foundation != "winkler":
         return f"press.foundation is {press.foundation}, and it has springs that do not move each other"
-    if engine in ("exact", "bed"):
-        shape = _of_shape(touches, options)
-        if shape:
-            return shape
-    if engine == "collide" and touches.rotations is not None:
-        return f"{touches.letter.name!r} is pressed from a side"
+    if engine in ("exact", "bed") and has_relief(touches.letter, press):
+        return f"{touches.letter.name!r} has relief"
     if engine == "exact" and touches.letter.rounding:
         return f"{touches.letter.name!r} has rounded edges"
-    return ""
-
-
-def _of_shape(touches: Touches, options: ScanOptions) -> str:
-    """Say what makes a press more than that of a flat face or a rounded edge; nothing if it is one."""
-    if touches.rotations is not None:
-        return f"{touches.letter.name!r} is pressed from a side"
-    if has_relief(touches.letter, options.press):
-        return f"{touches.letter.name!r} has relief"
     return ""
 
 

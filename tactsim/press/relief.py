@@ -1,4 +1,4 @@
-"""Press shapes with relief: domes, slopes, steps and any other mesh, from above or from any side.
+"""Press shapes with relief: domes, slopes, steps and any other mesh.
 
 The pad sees a shape as a height field of flat facets. Pressure is stiffness times depth, never below 0 (Winkler),
 so on each facet it is linear over the polygon where the facet is in contact, and the press is an integral of
@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.models.relief import Relief, Window
+from tactsim.models.relief import Relief
 from tactsim.press.bed import Bed
 from tactsim.press.facet_kernels import (
     BURIED,
     NO_CONTACT,
     STATE,
-    STEEPEST,
     TIPPED,
     Cells,
     Field,
@@ -67,11 +66,11 @@ class CellLoads:
 
 
 def press(touches: Touches, options: ScanOptions) -> Pressed:
-    """Press a shape with relief, or any letter from any side, until it rests.
+    """Press a shape with relief, or any letter, until it rests.
 
-    touches: with `rotations`, each press sees the shape turned. The layer's stiffness is that of
-    `PressOptions`: where the level shape would press it by more than its thickness, it is just so stiff that it
-    gives way by its thickness. A press that sinks in by more than the shape's height, or tips over, is a blank.
+    The layer's stiffness is that of `PressOptions`: where the level shape would press it by more than its thickness, it
+    is just so stiff that it gives way by its thickness. A press that sinks in by more than the shape's height, or tips
+    over, is a blank.
     Raises InputError if too many facets hide others.
     """
     count = len(touches)
@@ -83,23 +82,12 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     x, y, angle = touches.poses.T
     poses = np.column_stack([x, y, np.cos(angle), np.sin(angle)])
     tilts = np.ascontiguousarray(touches.tilts, dtype=float)
-    forces = touches.forces(layer.force)
-    farthest = float(np.hypot(np.abs(x_lines).max(), np.abs(y_lines).max()))
-    steepest = np.hypot(*tilts.T).max(initial=0) if np.isinf(wrist) else STEEPEST
-    reach = layer.thickness + 2 * farthest * steepest
     relief = touches.letter.relief or Relief.of(touches.letter.solid)
-    if touches.rotations is None:
-        fields = [(slice(0, count), relief.seen_from_above)]
-    else:
-        fields = [
-            (slice(index, index + 1), relief.seen_along(turn, Window(x, y, farthest, reach)))
-            for index, (turn, (x, y, _)) in enumerate(zip(touches.rotations, touches.poses, strict=True))
-        ]
-    for here, (facets, front, height) in fields:
-        press_all(
-            Field(facets, front), poses[here], tilts[here], forces[here], Cells(x_lines, y_lines),
-            Layer(1e-3 * layer.stiffness, layer.thickness, float(wrist), height), states[here], loads[here],
-        )  # fmt: skip
+    facets, front, height = relief.seen_from_above
+    press_all(
+        Field(facets, front), poses, tilts, touches.forces(layer.force), Cells(x_lines, y_lines),
+        Layer(1e-3 * layer.stiffness, layer.thickness, float(wrist), height), states, loads,
+    )  # fmt: skip
     ended = states[:, -1]
     blanks = {int(index): _REASONS[ended[index]] for index in np.flatnonzero(ended > NO_CONTACT)}
     touching = int(np.count_nonzero(ended != NO_CONTACT))

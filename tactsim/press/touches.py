@@ -38,16 +38,11 @@ class Touches:
     poses: (n, 3) sensor_in_object [mm, mm, rad]. tilts: (n, 2) rad about the pad's x and y, between letter
     and pad before the wrist gives way; +tilt_x brings the side at +y closer, +tilt_y the side at -x.
     load: (n,) the force of each as a share of the options' `press.force`; None: all press with that force.
-    rotations: (n, 3, 3) where the letter is pressed from other sides than above, else None. A press sees the
-    letter in axes whose directions in the object frame are its matrix's columns: the third is the pad's normal,
-    pointing away from the letter, and the pose lies in the plane of the other two. The pad's own axes are
-    rotation @ Rz(theta) then, and its middle is on the line rotation @ (x, y, any z).
     """
 
     letter: Letter
     poses: FloatArray
     tilts: FloatArray
-    rotations: FloatArray | None = None
     load: FloatArray | None = None
 
     @classmethod
@@ -57,9 +52,8 @@ class Touches:
 
     def some(self, which: slice) -> Touches:
         """Take some of the presses."""
-        rotations = None if self.rotations is None else self.rotations[which]
         load = None if self.load is None else self.load[which]
-        return Touches(self.letter, self.poses[which], self.tilts[which], rotations, load)
+        return Touches(self.letter, self.poses[which], self.tilts[which], load)
 
     def at_share(self, share: float) -> Touches:
         """Take the same presses with this share of each one's load."""

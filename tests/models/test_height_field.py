@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tactsim import models
 from tactsim.core import InputError
-from tactsim.models.relief import FELT, Relief, Window
+from tactsim.models.relief import FELT, Relief
 
 
 def tower():
@@ -59,7 +59,7 @@ def test_what_is_seen_is_what_is_met_first_and_nothing_twice(make, seed):
     solid, rotation = make(), turn(seed)
     # x_mesh = rotation x, so the solid seen in those axes is the solid turned back.
     turned = solid.transform(np.column_stack([rotation.T, np.zeros(3)]))
-    field = Relief.of(solid).seen_along(rotation)
+    field = Relief.of(solid).turned(rotation).seen_from_above
     assert areas(field.facets).sum() == pytest.approx(turned.project().area(), rel=1e-5)
     assert (areas(field.facets) > 0).all()
     assert (np.diff(field.front) >= 0).all()
@@ -72,23 +72,6 @@ def test_what_is_seen_is_what_is_met_first_and_nothing_twice(make, seed):
     steep = np.isfinite(expected) != np.isfinite(found)  # a point on an outline may lie on a facet or not
     assert steep.sum() <= 2
     assert found[~steep] == pytest.approx(expected[~steep], abs=1e-6)
-
-
-@pytest.mark.parametrize("seed", [None, 1])
-def test_a_window_keeps_all_that_the_pad_may_meet_there(seed):
-    rotation = turn(seed)
-    relief = Relief.of(tower())
-    whole = relief.seen_along(rotation)
-    window = Window(1.5, -2.0, 3.0, 1.2)
-    part = relief.seen_along(rotation, window)
-    assert part.height == pytest.approx(whole.height)
-    points = np.random.default_rng(1).uniform(-3, 3, (300, 2)) + (window.x, window.y)
-    every, some = heights(whole.facets, points), heights(part.facets, points)
-    middle = heights(whole.facets, np.array([[window.x, window.y]]))[0]
-    near = every < middle + window.reach
-    assert near.sum() > 20
-    assert some[near] == pytest.approx(every[near], abs=1e-9)
-    assert areas(part.facets).sum() < areas(whole.facets).sum()
 
 
 @pytest.mark.parametrize("step", [0.02, 0.5])

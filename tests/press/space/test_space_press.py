@@ -82,9 +82,12 @@ def test_touches_agree_with_the_exact_press_of_facets(name):
     turns = rigid.matrix(starts[:, 3:]) * (1.0, -1.0, -1.0)
     poses = np.einsum("ni,nij->nj", starts[:, :3], turns) * (1.0, 1.0, 0.0)
     exact = level_scan(press=level_press(stiffness=1e3 * STIFFNESS, thickness=3.0))
-    seen = SimpleNamespace(relief=Relief(solid.vertices, solid.faces))
-    pressed = relief.press(Touches(seen, poses, np.zeros((12, 2)), turns), exact)
-    expected = pressed.readings(exact).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
+    shape = Relief(solid.vertices, solid.faces)
+    pressed = [
+        relief.press(Touches.of(SimpleNamespace(relief=shape.turned(turn)), pose[None]), exact).readings(exact)
+        for turn, pose in zip(turns, poses, strict=True)
+    ]
+    expected = np.concatenate(pressed).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
     assert found.met.all()
     off = np.abs(found.readings - expected).max(axis=1) / expected.max(axis=1)
     assert np.median(off) < 1e-3
