@@ -1,4 +1,4 @@
-"""Solids: bodies in space that a pad touches from any side, their mass, symmetry and convex parts.
+"""Solids: bodies in space that a pad touches from any side, their mass and symmetry.
 
 Lives here: the catalogue of solids made by CSG, users' meshes, and what follows from a body's shape alone. Does not
 live here: anything that knows a pad, a force or a reading.

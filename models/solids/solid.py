@@ -1,4 +1,4 @@
-"""`Solid`, a body in space that a pad touches from any side: its mesh, mass, symmetry and convex parts."""
+"""`Solid`, a body in space that a pad touches from any side: its mesh, mass and symmetry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.letter import DENSITY
-from tactsim.models.solids.convex_solids import convex_solids
 from tactsim.models.solids.space_symmetry import SpaceSymmetry, find_symmetry
 
 if TYPE_CHECKING:
@@ -95,18 +94,6 @@ class Solid:
         """
         try:
             return find_symmetry(self.corners)
-        except InputError as error:
-            raise InputError(f"{self.name!r}: {error}") from error
-
-    @cached_property
-    def parts(self) -> tuple[FloatArray, ...]:
-        """Cut the solid into convex pieces without overlap: each one's corners (k, 3) mm, whose hull is the piece.
-
-        The pieces differ from the solid by at most `convex_solids.CONCAVITY` mm.
-        Raises InputError if that takes more than `convex_solids.MOST_PARTS` pieces.
-        """
-        try:
-            return convex_solids(self.manifold)
         except InputError as error:
             raise InputError(f"{self.name!r}: {error}") from error
 

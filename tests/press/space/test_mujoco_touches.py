@@ -15,15 +15,12 @@ FORCE, STIFFNESS = 2.0, 0.05  # N, N/mm^3
 
 
 def scene(solid):
-    """Make a model of a solid's convex parts, fixed."""
+    """Make a model of a convex solid, fixed."""
     spec = mujoco.MjSpec()
     spec.option.gravity = (0, 0, 0)
     spec.option.timestep = 5e-4
-    for number, part in enumerate(solid.parts):
-        spec.add_mesh(name=f"part{number}").uservert = (part / 1e3).ravel().tolist()
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{number}", friction=(0.01, 0, 0)
-        )
+    spec.add_mesh(name="solid").uservert = (solid.vertices / 1e3).ravel().tolist()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="solid", friction=(0.01, 0, 0))
     return spec
 
 
