@@ -202,20 +202,19 @@ def _ideal(
 ) -> tuple[list[_Ideal], Counter[str]]:
     """Get what each batch reads without imperfections: known already, from the cache, or pressed now."""
     keys = [cached.key(batch.touches, options) for batch in batches]
-    names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
-    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0, cells=0, parts=0, stages=0)
-    wanted: dict[tuple[str, int], _Batch] = {}
-    ideal: dict[tuple[str, int], _Ideal] = {}
-    for name, batch in zip(names, batches, strict=True):
+    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0)
+    wanted: dict[str, _Batch] = {}
+    ideal: dict[str, _Ideal] = {}
+    for key, batch in zip(keys, batches, strict=True):
         count = len(batch.touches)
-        if name in ideal or name in wanted:
+        if key in ideal or key in wanted:
             work["known"] += count
             continue
-        stored = cached.load(name[0], (count, options.pad.taxels)) if cache and not sequence else None
+        stored = cached.load(key, (count, options.pad.taxels)) if cache and not sequence else None
         if stored is None:
-            wanted[name] = batch
+            wanted[key] = batch
         else:
-            ideal[name] = _Ideal(stored, {})
+            ideal[key] = _Ideal(stored, {})
             work["cached"] += count
 
     total = sum(len(batch.touches) for batch in batches)
@@ -223,26 +222,26 @@ def _ideal(
     if progress is not None and done:
         progress(done, total)
     tasks = [
-        (name, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
-        for name, batch in wanted.items()
+        (key, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
+        for key, batch in wanted.items()
         for first in range(0, len(batch.touches), _CHUNK)
     ]
-    pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
+    pressed: dict[str, list[_Ideal]] = {key: [] for key in wanted}
     worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
     with process_map(min(jobs, worth)) as mapped:
-        for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
-            pressed[name].append(piece)
+        for (key, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
+            pressed[key].append(piece)
             work.update(of_piece)
             done += len(piece.readings)
             if progress is not None:
                 progress(done, total)
-    for name, pieces in pressed.items():
-        ideal[name] = _whole(wanted[name], pieces)
-        if cache and not ideal[name].blanks:  # a file of the cache has no room for reasons
-            cached.store(name[0], ideal[name].readings)
+    for key, pieces in pressed.items():
+        ideal[key] = _whole(wanted[key], pieces)
+        if cache and not ideal[key].blanks:  # a file of the cache has no room for reasons
+            cached.store(key, ideal[key].readings)
     if cache and wanted:
         cached.prune()
-    return [ideal[name] for name in names], work
+    return [ideal[key] for key in keys], work
 
 
 def _with_lower(found: Sequence[_Ideal], batches: int) -> list[_Ideal]:
@@ -278,7 +277,7 @@ def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
     return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, courses)
 
 
-def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
+def _press(task: tuple[str, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
     # Brings MuJoCo, which a scan from the cache does without.
     from tactsim.press.engine import press_at
     from tactsim.press.sequences import press_each
@@ -346,7 +345,7 @@ def _seconds_per_press(options: ScanOptions) -> float:
     level = options.press.wrist_stiffness is None and not options.placement_tilt
     if options.press.engine == "collide":
         return 1e-3
-    return 1e-3 if options.rounding or not options.press.skip.parts or not level else 1e-4
+    return 1e-3 if options.rounding or not level else 1e-4
 
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:
