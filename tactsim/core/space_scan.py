@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
-from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import POSE, checked_poses
 from tactsim.core.scan import Scan, as_names, as_numbers
-
-_SEQUENCE = ("sequence", "sequence_force")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,9 +29,6 @@ class SpaceScan(Scan):
     group of turns about the origin that leave the object as it is, `axis` (3,) where every turn about it does, or null,
     and `radius` mm about the origin that holds all of it.
 
-    The images on the way to rest may be there: sequence (n, frames, taxels) kPa, float32, the last at rest, and
-    sequence_force (frames,) N, how hard the pad pressed at each. Both or none.
-
     Raises InputError when shapes disagree, a number is not finite, a rotation is none, or a name is wrong.
     """
 
@@ -47,8 +41,8 @@ class SpaceScan(Scan):
     _ARRAYS: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch",
     )  # fmt: skip
-    _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE
-    _A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch", "sequence")
+    _OPTIONAL: ClassVar[tuple[str, ...]] = ()
+    _A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch")
     _MADE_BY: ClassVar[str] = "`bench scan --task solids --out FILE`"
 
     def _check_arrays(self) -> None:
@@ -67,22 +61,6 @@ class SpaceScan(Scan):
         if np.abs(np.linalg.norm(self.taxel_normals, axis=1) - 1).max() > 1e-6:
             raise InputError("scan: taxel_normals are not of length 1")
         object.__setattr__(self, "taxel_xy", self.taxel_points[:, :2])
-
-    def _check_sequence(self) -> None:
-        if self.sequence is None and self.sequence_force is None:
-            return
-        if self.sequence is None or self.sequence_force is None:
-            raise InputError("scan: a sequence has both, sequence and sequence_force")
-        force = finite(self.sequence_force, "scan: sequence_force")
-        sequence = finite(self.sequence, "scan: sequence").astype(np.float32)
-        count, taxels = self.readings.shape
-        if force.ndim != 1 or not len(force) or sequence.shape != (count, len(force), taxels):
-            raise InputError(
-                f"scan: sequence has shape {sequence.shape} and sequence_force {force.shape}; they are "
-                f"({count}, frames, {taxels}) and (frames,)"
-            )
-        object.__setattr__(self, "sequence", sequence)
-        object.__setattr__(self, "sequence_force", force)
 
     @property
     def objects(self) -> tuple[str, ...]:

@@ -28,8 +28,6 @@ def scan() -> SpaceScan:
         taxel_normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
         touch=np.array([0, 1, 2, 2, 3, 4]),
         meta={"stroke": 40.0},
-        sequence=rng.random((6, 3, 4)),
-        sequence_force=np.array([0.5, 1.0, 2.0]),
     )
 
 
@@ -45,9 +43,6 @@ def test_selects_by_label_and_split(scan: SpaceScan) -> None:
     nuts = scan.where("train", "nut")
     assert nuts.labels.tolist() == ["nut", "nut"]
     assert nuts.touch.tolist() == [0, 3]
-    assert nuts.sequence is not None
-    assert scan.sequence is not None
-    np.testing.assert_array_equal(nuts.sequence, scan.sequence[[0, 4]])
 
 
 @pytest.mark.parametrize(
@@ -57,8 +52,6 @@ def test_selects_by_label_and_split(scan: SpaceScan) -> None:
         ({"poses": np.zeros((6, 3))}, "pose in space"),
         ({"readings": np.full((6, 4), np.nan)}, "readings"),
         ({"taxel_normals": np.zeros((4, 3))}, "length 1"),
-        ({"sequence": None}, "both"),
-        ({"sequence_force": np.ones(2)}, "frames"),
     ],
 )
 def test_refuses(scan: SpaceScan, change: dict[str, Any], says: str) -> None:

@@ -54,10 +54,6 @@ def scan_solids(
             done += len(starts)
             if progress is not None:
                 progress(done, total)
-    images = {
-        "sequence": np.concatenate([batch.sequence for batch in batches]),
-        "sequence_force": options.frame_forces,
-    }
     scan = SpaceScan(
         readings=np.concatenate([batch.readings for batch in batches]),
         poses=np.concatenate([batch.stated for batch in batches]),
@@ -76,7 +72,6 @@ def scan_solids(
             # Whose a user's own meshes are is not ours to say.
             **({} if options.meshes else {"licence": OWN_LICENCE}),
         },
-        **(images if options.frames else {}),
     )
     misses = sum(int(np.count_nonzero(~batch.met)) for batch in batches)
     return scan, {"presses": len(scan), "misses": misses, "skipped": {}}

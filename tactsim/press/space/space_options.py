@@ -8,11 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tactsim.core.pad import Pad
-from tactsim.core.poses import FloatArray
 from tactsim.models import solid_names
 from tactsim.press.scan_options import SensorOptions
 
@@ -58,12 +56,6 @@ class SpaceOptions(BaseModel):
         "flat", description="what the pad is laid on; a cylinder's axis is the pad's y"
     )
     radius: float | None = Field(None, gt=0, le=1e6, description="mm of the cylinder or sphere")
-    frames: int = Field(
-        0,
-        ge=0,
-        le=1000,
-        description="images of each touch on its way to rest, at even steps of the force; 0: none",
-    )
     placement_mm: float = Field(
         0.2,
         ge=0,
@@ -78,12 +70,6 @@ class SpaceOptions(BaseModel):
     )
     pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
     sensor: SensorOptions = Field(default_factory=SensorOptions)
-
-    @property
-    def frame_forces(self) -> FloatArray:
-        """Give the force of each image of a touch, (frames or 1,) N; the last is the force at rest."""
-        frames = max(self.frames, 1)
-        return self.force * np.arange(1, frames + 1) / frames
 
     @field_validator("pad", mode="before")
     @classmethod

@@ -26,7 +26,7 @@ class Touched:
     stated, true: (n, 7), where the robot says that the pad rests, and where it does. travel: (n,) mm along the pad's z.
     met: (n,), whether the pad met the object; one that met nothing rests at the end of its stroke and reads 0.
     force: (n,) N that the pad carries: the set force, or less where the stroke ended before.
-    readings: (n, taxels) kPa at rest. sequence: (n, frames, taxels) kPa on the way there, the last at rest.
+    readings: (n, taxels) kPa at rest.
     """
 
     stated: FloatArray
@@ -35,7 +35,6 @@ class Touched:
     met: NDArray[np.bool_]
     force: FloatArray
     readings: FloatArray
-    sequence: FloatArray
 
 
 class SpacePress:
@@ -75,38 +74,30 @@ class SpacePress:
         if start.ndim != 2:
             raise InputError(f"start has shape {start.shape}; it is a table of poses, (n, 7)")
         solid, options, lattice = self.solids[label], self.options, self.lattice
-        forces = options.frame_forces
         states = np.empty((len(start), STATE))
-        images = np.empty((len(start), len(forces), options.pad.taxels))
+        images = np.empty((len(start), options.pad.taxels))
         touch_all(
             Mesh(solid.vertices.astype(float), solid.faces.astype(np.int64)),
             Starts(np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])), stroke),
             lattice.points,
             Layer(1e-3 * options.stiffness, float(options.thickness)),
-            forces,
+            options.force,
             states,
             images,
         )
         images *= lattice.kpa
         travel, force = states[:, 0], states[:, 1]
         return Touched(
-            advanced(start, travel), advanced(true, travel), travel, force > 0, force, images[:, -1], images
+            advanced(start, travel), advanced(true, travel), travel, force > 0, force, images
         )
 
     def sensed(self, touched: Touched, rng: np.random.Generator) -> Touched:
         """Give the touches with what the pad reports of them, one after the other: noise, steps and its other faults.
 
-        A touch that met nothing has them too. The zero does not drift among the images of one touch.
+        A touch that met nothing has them too.
         """
-        sensor = self.options.sensor
-        readings = sense(touched.readings, sensor, self._gain, rng, rows=self.options.pad.rows)
-        if touched.sequence.shape[1] == 1:
-            return replace(touched, readings=readings, sequence=readings[:, None])
-        still, sequence = sensor.model_copy(update={"drift": 0.0}), touched.sequence.copy()
-        for images, reading in zip(sequence, readings, strict=True):
-            images[:] = sense(images, still, self._gain, rng, rows=self.options.pad.rows, one_touch=True)
-            images[-1] = reading
-        return replace(touched, readings=readings, sequence=sequence)
+        sensor, rows = self.options.sensor, self.options.pad.rows
+        return replace(touched, readings=sense(touched.readings, sensor, self._gain, rng, rows=rows))
 
 
 def advanced(pose: FloatArray, distance: FloatArray) -> FloatArray:

@@ -243,14 +243,13 @@ def surround(
     return window[2] * window[3]
 
 
-@compiled(void(MESH, STARTS, LATTICE, LAYER, REALS, REALS_2D, REALS_3D))
+@compiled(void(MESH, STARTS, LATTICE, LAYER, float64, REALS_2D, REALS_2D))
 def touch_all(
-    mesh: Mesh, starts: Starts, lattice: Lattice, layer: Layer, forces: Reals, states: Reals, images: Reals
+    mesh: Mesh, starts: Starts, lattice: Lattice, layer: Layer, force: float, states: Reals, images: Reals
 ) -> None:
-    """Let the pad come along its z axis until it carries a force, from n starts.
+    """Let the pad come along its z axis until it carries a force, N, from n starts.
 
-    forces: (frames,) N, rising, the last at rest.
-    Fills states (n, STATE) and images (n, frames, taxels) N. A touch that meets nothing has a force of 0; one that the
+    Fills states (n, STATE) and images (n, taxels) N. A touch that meets nothing has a force of 0; one that the
     stroke ends before the force is reached rests there with what it carries.
     """
     vertices, faces, bounds = mesh.vertices, mesh.faces, lattice.bounds
@@ -266,7 +265,7 @@ def touch_all(
         seen_from(vertices, starts.places[touch], starts.rotations[touch], corners)
         travel, stiff, stroke = starts.strokes[touch], stiffness, starts.strokes[touch]
         states[touch, 0], states[touch, 1], states[touch, 2] = stroke, 0.0, stiffness
-        images[touch, :, :] = 0.0
+        images[touch, :] = 0.0
         window[0], window[1], window[2], window[3] = 0, 0, columns // COARSE, rows // COARSE
         front = foremost(corners, faces, bounds, corner, spare)
         draw(corners, faces, coarse_origin, COARSE * step, window, height)
@@ -284,8 +283,8 @@ def touch_all(
                 break
             if deep:
                 # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
-                stiff = max(stiffness, forces[-1] / springs(gap, rate, count, first + thickness))
-            travel = balance(gap, rate, count, first + thickness, forces[-1] / stiff)
+                stiff = max(stiffness, force / springs(gap, rate, count, first + thickness))
+            travel = balance(gap, rate, count, first + thickness, force / stiff)
             if (
                 level == 0
                 or surround(point_number, gap, count, columns, rows, travel + _MARGIN, window) > _FINE
@@ -298,15 +297,12 @@ def touch_all(
         travel = min(travel, stroke)
         states[touch, 0], states[touch, 2] = travel, stiff
         states[touch, 1] = stiff * springs(gap, rate, count, travel)
-        for frame in range(len(forces)):
-            rest = min(balance(gap, rate, count, travel, forces[frame] / stiff), travel)
-            for point in range(count):
-                if gap[point] < rest:
-                    force = stiff * area * (rest - gap[point])
-                    u, v = lattice.cell[point_number[point], 0], lattice.cell[point_number[point], 1]
-                    for row in range(lattice.felt_v.shape[2]):
-                        strip = force * lattice.felt_v[level, v, row]
-                        for column in range(across):
-                            images[touch, frame, row * across + column] += (
-                                strip * lattice.felt_u[level, u, column]
-                            )
+        rest = min(balance(gap, rate, count, travel, force / stiff), travel)
+        for point in range(count):
+            if gap[point] < rest:
+                carried = stiff * area * (rest - gap[point])
+                u, v = lattice.cell[point_number[point], 0], lattice.cell[point_number[point], 1]
+                for row in range(lattice.felt_v.shape[2]):
+                    strip = carried * lattice.felt_v[level, v, row]
+                    for column in range(across):
+                        images[touch, row * across + column] += strip * lattice.felt_u[level, u, column]
