@@ -26,6 +26,7 @@ from tactsim.press.bed import MM, Bed, Springs, lay_bed, levels
 from tactsim.press.force_control import ForceControl
 from tactsim.press.scan_options import PressOptions, ScanOptions
 from tactsim.press.scene import Scene, Setup, scene
+from tactsim.press.sensor import hysteretic
 from tactsim.press.spread import Patches
 from tactsim.press.touches import Pressed, Touches, UnsettledError, unsettled
 
@@ -87,21 +88,33 @@ class Moving:
     trace: ForceTrace
 
 
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """How n presses went; None where nothing touches and in a blank."""
+
+    presses: list[Moving | None]
+
+    def readings(self, options: ScanOptions) -> FloatArray:
+        """Give the last images, (n, taxels) kPa without imperfections but hysteresis, which the way to rest decides."""
+        readings = np.zeros((len(self.presses), options.pad.taxels))
+        for reading, moving in zip(readings, self.presses, strict=True):
+            if moving is not None:
+                reading[:] = hysteretic(moving.images, options.sensor.hysteresis)[-1]
+        return readings
+
+
 def press(touches: Touches, options: ScanOptions) -> Pressed:
-    """Step every press through time, and keep its last image. Raises InputError for what cannot be stepped."""
-    bed = _bed(touches, options)
-    forces, blanks = np.zeros(len(bed.area)), {}
-    touching = 0
-    for index, springs in enumerate(bed.springs):
-        if not springs.area:
-            continue
-        touching += 1
+    """Step every press through time. Raises InputError for what cannot be stepped."""
+    presses: list[Moving | None] = [None] * len(touches)
+    blanks = {}
+    for index in range(len(touches)):
         try:
-            forces[springs.rows] = contact_history(bed, touches, index, options).forces[-1]
+            presses[index] = ideal_sequence(touches.some(slice(index, index + 1)), options)
         except UnsettledError as error:
-            blanks[index] = str(error)
-    work = Counter(presses=touching, no_contact=len(touches) - touching)
-    return Pressed(touches, _even(bed, forces), work, blanks)
+            blanks[index] = str(error.__cause__)
+    untouched = presses.count(None) - len(blanks)
+    work = Counter(presses=len(touches) - untouched, no_contact=untouched)
+    return Pressed(touches, Moved(presses), work, blanks)
 
 
 def _bed(touches: Touches, options: ScanOptions) -> Bed:

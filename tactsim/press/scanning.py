@@ -27,7 +27,7 @@ from tactsim.press.sensor import gains, sense
 from tactsim.press.touches import Normals, Touches, draw_loads
 
 if TYPE_CHECKING:
-    from tactsim.press.sequences import Course
+    from tactsim.press.dynamics import Moving
 
 Progress = Callable[[int, int], None]
 
@@ -45,13 +45,13 @@ MOST_BLANKS = 0.05
 class _Ideal:
     """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none.
 
-    courses: how its presses went, if they were stepped through time now. lower: what it reads at rest under lower
-    loads, (n, taxels) each, the lowest first, if a sequence of those is wanted.
+    moving: how each press went, if they were stepped through time now; None where nothing touches and in a blank.
+    lower: what it reads at rest under lower loads, (n, taxels) each, the lowest first, if such a sequence is wanted.
     """
 
     readings: FloatArray
     blanks: dict[int, str]
-    courses: tuple[Course, ...] = ()
+    moving: tuple[Moving | None, ...] = ()
     lower: tuple[FloatArray, ...] = ()
 
 
@@ -273,21 +273,28 @@ def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
             f"{len(blanks)} of {count} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
             f"{MOST_BLANKS:.0%} at most: {reason}"
         )
-    courses = tuple(course for piece in pieces for course in piece.courses)
-    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, courses)
+    moving = tuple(press for piece in pieces for press in piece.moving)
+    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, moving)
 
 
 def _press(task: tuple[str, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
     # Brings MuJoCo, which a scan from the cache does without.
     from tactsim.press.engine import press_at
-    from tactsim.press.sequences import press_each
 
     _, touches, options, sequence = task
-    if options.press.dynamics == "full":
-        readings, blanks, work, course = press_each(touches, options, keep=sequence)
-        return _Ideal(readings, blanks, (course,)), work
     pressed = press_at(touches, options)
-    return _Ideal(pressed.readings(options), pressed.blanks), pressed.work
+    moving: list[Moving | None] = []
+    if options.press.dynamics == "full":
+        from tactsim.press.dynamics import Moved
+
+        assert isinstance(pressed.load, Moved)
+        # Without a sequence a worker need not send the images.
+        kept = slice(None) if sequence else slice(-1, None)
+        moving = [
+            press and replace(press, times=press.times[kept], images=press.images[kept])
+            for press in pressed.load.presses
+        ]
+    return _Ideal(pressed.readings(options), pressed.blanks, tuple(moving)), pressed.work
 
 
 def _sequences(
@@ -305,8 +312,7 @@ def _sequences(
     if options.press.dynamics == "full":
         presses = []
         for found, rows in zip(ideal, kept, strict=True):
-            moving = [one for course in found.courses for one in course.moving]
-            presses += [moving[row] for row in rows]
+            presses += [found.moving[row] for row in rows]
         images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
     else:
         every = [
@@ -328,13 +334,13 @@ def _sequences(
 
 def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:
     """Sum up how the presses settled that were stepped through time now; nothing if there are none."""
-    touching = [course for found in ideal for course in found.courses if len(course.settle_time)]
-    if not touching:
+    traces = [press.trace for found in ideal for press in found.moving if press is not None]
+    if not traces:
         return {}
-    settle_time = np.concatenate([course.settle_time for course in touching])
+    settle_time = np.array([trace.settle_time for trace in traces])
     return {
         "settle_time": {"median": float(np.median(settle_time)), "longest": float(settle_time.max())},
-        "overshoot": max(float(course.overshoot.max()) for course in touching),
+        "overshoot": max(trace.overshoot for trace in traces),
     }
 
 

@@ -7,67 +7,18 @@ which no press through time covers, shows what it touches first.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tactsim.core.errors import InputError
 from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
-from tactsim.press.dynamics import Moving, ideal_sequence
-from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.sensor import hysteretic
-from tactsim.press.touches import Touches, UnsettledError
+from tactsim.press.dynamics import Moving
+from tactsim.press.scan_options import PressOptions
 
 # The whole load is held for so large a part of the ramp, and for so many images, as a plateau needs to be known as one.
 _HELD, _LEAST_HELD = 0.5, 4
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """How presses went that were stepped through time.
-
-    settle_time: (touching,) s from touch until the force stays within 2 % of the set force. overshoot:
-    (touching,) share of the set force. moving: of every press, None where nothing touched; empty if not kept.
-    """
-
-    settle_time: FloatArray
-    overshoot: FloatArray
-    moving: list[Moving | None]
-
-
-def press_each(
-    touches: Touches, options: ScanOptions, *, keep: bool
-) -> tuple[FloatArray, dict[int, str], Counter[str], Course]:
-    """Press a letter through time: its readings at rest, the blanks with their reasons, the work and the course.
-
-    The readings are (n, taxels) kPa without imperfections but hysteresis, which the way to rest decides.
-    keep: whether the images are kept.
-    """
-    readings = np.zeros((len(touches), options.pad.taxels))
-    blanks: dict[int, str] = {}
-    settle_time, overshoot = [], []
-    kept: list[Moving | None] = []
-    untouched = 0
-    for index in range(len(touches)):
-        moving = None
-        try:
-            moving = ideal_sequence(touches.some(slice(index, index + 1)), options)
-        except UnsettledError as error:
-            blanks[index] = str(error.__cause__)
-        else:
-            untouched += moving is None
-        if moving is not None:
-            readings[index] = hysteretic(moving.images, options.sensor.hysteresis)[-1]
-            settle_time.append(moving.trace.settle_time)
-            overshoot.append(moving.trace.overshoot)
-        if keep:
-            kept.append(moving)
-    presses = len(touches) - untouched
-    work = Counter(presses=presses, no_contact=untouched, engine_full=presses)
-    return readings, blanks, work, Course(np.array(settle_time), np.array(overshoot), kept)
 
 
 def aligned(presses: Sequence[Moving | None], frame_rate: float, taxels: int) -> tuple[FloatArray, ...]:
