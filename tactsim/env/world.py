@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -61,7 +59,8 @@ class World:
 
     def __init__(self, task: Task, scan_seed: int, slip: Slip, fast: bool) -> None:
         if scan_seed not in task.seeds:
-            raise _no_seed(scan_seed, task)
+            seeds = ", ".join(map(str, task.seeds))
+            raise InputError(f"scan_seed {short(scan_seed)}: task {task.name} has the seeds {seeds}")
         config = task.configs("nearest")[task.seeds.index(scan_seed)]
         if not config.pressed:
             raise InputError(f"task {task.name} has readings from a file; an environment needs a press")
@@ -148,31 +147,17 @@ def _by_model(model: PressModel, touches: Touches, tilt_x: float, tilt_y: float)
 
 
 @lru_cache(maxsize=8)
-def _world(name: str, scan_seed: int, slip: str, fast: bool) -> World:
-    asked = task(name)
-    changed = merged(asked.configs("nearest")[0].moving.model_dump(), json.loads(slip))
-    return World(asked, scan_seed, checked(Slip, changed, "slip"), fast)
+def _world(name: str, scan_seed: int, slip: Slip, fast: bool) -> World:
+    return World(task(name), scan_seed, slip, fast)
 
 
 def world(name: str, scan_seed: int | None, slip: Mapping[str, Any], fast: bool) -> World:
     """Give the world of a task, the same object to all that ask for the same: environments share what it learned.
 
     scan_seed: None for the task's first. slip: changes to how the task's objects move.
-    Raises InputError as `task` and `World` do, and for a wrong name or value in slip or fast.
+    Raises InputError as `task` and `World` do, and for a wrong name or value in slip.
     """
-    try:
-        said = json.dumps(dict(slip), sort_keys=True)
-    except (TypeError, ValueError):
-        raise InputError(f"slip {short(slip)}: give numbers by name, such as {{'walk_mm': 0.5}}") from None
-    if not isinstance(fast, bool):
-        raise InputError(f"fast {short(fast)}: give True or False")
     asked = task(name)
+    changed = merged(asked.configs("nearest")[0].moving.model_dump(), slip)
     seed = asked.seeds[0] if scan_seed is None else scan_seed
-    if isinstance(seed, bool) or not isinstance(seed, Integral):
-        raise _no_seed(seed, asked)
-    return _world(name, int(seed), said, fast)
-
-
-def _no_seed(given: Any, asked: Task) -> InputError:
-    seeds = ", ".join(map(str, asked.seeds))
-    return InputError(f"scan_seed {short(given)}: task {asked.name} has the seeds {seeds}")
+    return _world(name, seed, checked(Slip, changed, "slip"), fast)
