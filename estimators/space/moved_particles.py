@@ -73,8 +73,8 @@ class MovedParticles:
         self.log_weight = np.full(count, weights.log_mean + np.log(len(weights) / count))
         self.label, self.pose, self.log_p = self.label[chosen], self.pose[chosen], self.log_p[chosen]
 
-    def move(self, log_p: LogP, places: FloatArray, box: float, rng: np.random.Generator) -> float:
-        """Move particles by a Metropolis step that leaves what they stand for as it is; gives the share that moved.
+    def move(self, log_p: LogP, places: FloatArray, box: float, rng: np.random.Generator) -> None:
+        """Move particles by a Metropolis step that leaves what they stand for as it is.
 
         places: (k, 3) mm, touched places about which poses are turned. box: mm, the prior's half side.
         """
@@ -113,25 +113,23 @@ class MovedParticles:
         accepted = within & (np.log(rng.random(count)) < self.power * (found - self.log_p))
         self.pose = np.where(accepted[:, None], proposed, self.pose)
         self.log_p = np.where(accepted, found, self.log_p)
-        return float(accepted.mean())
 
     def settle(
         self, log_p: LogP, places: FloatArray, box: float, rng: np.random.Generator, count: int, rounds: int,
         least: float,
-    ) -> int:  # fmt: skip
-        """Raise the power to 1 in at most `rounds` rounds; tells how many it took.
+    ) -> None:  # fmt: skip
+        """Raise the power to 1 in at most `rounds` rounds.
 
         Each resamples to `count` particles, moves them, and leaves at least so many effective.
         """
         self.raise_power(least)
-        for used in range(rounds):
+        for _ in range(rounds):
             if self.power == 1.0:
-                return used
+                return
             self.resample(count, rng)
             for _ in range(_MOVES):
                 self.move(log_p, places, box, rng)
             self.raise_power(least)
-        return rounds
 
 
 def born(

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core import rigid
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.rotation_cells import ACROSS, middles, volumes
 
-# A cell is one whole number: label, cube, its place in the cube and its voxel, with so many bits each.
-_LABEL, _CUBE, _PLACE, _VOXEL = 7, 2, 8, 10
-MOST_LABELS = 2**_LABEL
-MOST_PLACES, MOST_VOXELS = 2**_PLACE, 2**_VOXEL
 _EVEN = 0.2  # the share of the cells that is divided evenly among objects
 _EIGHT = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
@@ -47,114 +42,78 @@ class CellSizes:
 
     def turned(self) -> CellSizes:
         """Halve the turns."""
-        return CellSizes(2 * self.side, self.voxel, self.reach, self.box)
+        return replace(self, side=2 * self.side)
 
     def shifted(self) -> CellSizes:
         """Halve the voxels."""
-        return CellSizes(self.side, self.voxel / 2, self.reach, self.box)
+        return replace(self, voxel=self.voxel / 2)
 
 
-def check_room(labels: Sequence[int], sizes: CellSizes, halvings: int) -> None:
-    """Raise InputError if cells of these labels and sizes, halved so often, are more than can be numbered."""
-    finer = 2**halvings
-    for what, count, most, advice in (
-        ("objects that differ", max(labels) + 1, MOST_LABELS, "train on fewer objects"),
-        (
-            "cells along a cube of rotations",
-            sizes.side * finer,
-            MOST_PLACES,
-            "choose smaller rotations or halvings",
-        ),
-        (
-            "voxels along the largest object",
-            math.ceil(2 * sizes.reach / sizes.voxel) * finer,
-            MOST_VOXELS,
-            "choose a larger voxel or fewer halvings",
-        ),
-    ):
-        if count > most:
-            raise InputError(f"{count:,} {what} are more than the {most:,} that cells can number; {advice}")
+@dataclass(frozen=True, eq=False)
+class PoseCells:
+    """n cells of poses. label: (n,) the object. cube (n,), place (n, 3): the rotations, see `rotation_cells.middles`.
 
-
-def packed(
-    label: int, cube: NDArray[np.int64], place: NDArray[np.int64], voxel: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Make the numbers of cells (n,) of one label: cube (n,), place (n, 3) and voxel (n, 3)."""
-    number = np.full(len(cube), label, dtype=np.int64) << _CUBE | cube
-    for part, bits in ((place, _PLACE), (voxel, _VOXEL)):
-        for axis in range(3):
-            number = number << bits | part[:, axis]
-    return number
-
-
-def label_of(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Give the labels (n,) of cells."""
-    return cell >> (_CUBE + 3 * _PLACE + 3 * _VOXEL)
-
-
-def _parts(cell: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Give cube (n,), place (n, 3), voxel (n, 3)."""
-    voxel = np.stack([cell >> axis * _VOXEL & MOST_VOXELS - 1 for axis in (2, 1, 0)], axis=1)
-    rest = cell >> 3 * _VOXEL
-    place = np.stack([rest >> axis * _PLACE & MOST_PLACES - 1 for axis in (2, 1, 0)], axis=1)
-    return rest >> 3 * _PLACE & 2**_CUBE - 1, place, voxel
-
-
-def turned_halves(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Give the eight cells (n, 8) of half the turns in each cell (n,)."""
-    cube, place, voxel = _parts(cell)
-    place = (2 * place[:, None] + _EIGHT).reshape(-1, 3)
-    return _children(cell, cube, place, np.repeat(voxel, 8, axis=0))
-
-
-def shifted_halves(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Give the eight cells (n, 8) of half the voxel in each cell (n,)."""
-    cube, place, voxel = _parts(cell)
-    voxel = (2 * voxel[:, None] + _EIGHT).reshape(-1, 3)
-    return _children(cell, cube, np.repeat(place, 8, axis=0), voxel)
-
-
-def _children(
-    cell: NDArray[np.int64], cube: NDArray[np.int64], place: NDArray[np.int64], voxel: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    label = label_of(cell) << 3 * (_PLACE + _VOXEL) + _CUBE
-    return np.repeat(label, 8).reshape(-1, 8) | packed(0, np.repeat(cube, 8), place, voxel).reshape(-1, 8)
-
-
-def poses_of(cell: NDArray[np.int64], sizes: CellSizes, anchor: FloatArray) -> FloatArray:
-    """Give object_in_robot (n, 7) in the middles of cells: the voxel's middle lies at the anchor (3,) mm."""
-    cube, place, voxel = _parts(cell)
-    rotation = middles(cube, place, sizes.side)
-    touched = (voxel + 0.5) * sizes.voxel - sizes.reach
-    return np.concatenate([anchor - rigid.turned(rotation, touched), rotation], axis=1)
-
-
-def log_prior(cell: NDArray[np.int64], poses: FloatArray, sizes: CellSizes, slack: float = 0.0) -> FloatArray:
-    """Give the log of the prior probability (n,) of cells: even over rotations and over the box of origins.
-
-    poses: (n, 7), as `poses_of` gives them; -inf where the origin is more than `slack` mm outside of the box.
+    voxel: (n, 3) from 0, where on the object the touched place lies.
     """
-    _, place, _ = _parts(cell)
-    held = np.log(volumes(place, sizes.side)) + 3 * math.log(sizes.voxel / (2 * sizes.box))
-    inside = np.abs(poses[:, :3]).max(axis=1, initial=0.0) <= sizes.box + slack
-    return np.where(inside, held, -np.inf)
+
+    label: NDArray[np.int64]
+    cube: NDArray[np.int64]
+    place: NDArray[np.int64]
+    voxel: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.label)
+
+    @classmethod
+    def joined(cls, parts: Sequence[PoseCells]) -> PoseCells:
+        """Put cells one after another."""
+        columns = zip(*((one.label, one.cube, one.place, one.voxel) for one in parts), strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
+    def some(self, which: NDArray[np.intp]) -> PoseCells:
+        """Take some of the cells."""
+        return PoseCells(self.label[which], self.cube[which], self.place[which], self.voxel[which])
+
+    def turned_halves(self) -> PoseCells:
+        """Give the cells of half the turns, the eight of each one after another: (8 n,)."""
+        place = (2 * self.place[:, None] + _EIGHT).reshape(-1, 3)
+        return replace(self.some(np.repeat(np.arange(len(self)), 8)), place=place)
+
+    def shifted_halves(self) -> PoseCells:
+        """Give the cells of half the voxel, the eight of each one after another: (8 n,)."""
+        voxel = (2 * self.voxel[:, None] + _EIGHT).reshape(-1, 3)
+        return replace(self.some(np.repeat(np.arange(len(self)), 8)), voxel=voxel)
+
+    def poses(self, sizes: CellSizes, anchor: FloatArray) -> FloatArray:
+        """Give object_in_robot (n, 7) in the cells' middles: the voxel's middle lies at the anchor (3,) mm."""
+        rotation = middles(self.cube, self.place, sizes.side)
+        touched = (self.voxel + 0.5) * sizes.voxel - sizes.reach
+        return np.concatenate([anchor - rigid.turned(rotation, touched), rotation], axis=1)
+
+    def log_prior(self, poses: FloatArray, sizes: CellSizes, slack: float = 0.0) -> FloatArray:
+        """Give the log of the prior probability (n,) of cells: even over rotations and over the box of origins.
+
+        poses: (n, 7), as `poses` gives them; -inf where the origin is more than `slack` mm outside of the box.
+        """
+        held = np.log(volumes(self.place, sizes.side)) + 3 * math.log(sizes.voxel / (2 * sizes.box))
+        inside = np.abs(poses[:, :3]).max(axis=1, initial=0.0) <= sizes.box + slack
+        return np.where(inside, held, -np.inf)
 
 
-def shared(log_mass: FloatArray, cell: NDArray[np.int64]) -> FloatArray:
-    """Give log-masses (n,) by which cells (n,) are to be chosen, so that no object loses all of its cells.
+def shared(log_mass: FloatArray, label: NDArray[np.int64]) -> FloatArray:
+    """Give log-masses (n,) by which cells of objects (n,) are to be chosen, so that no object loses all of its cells.
 
     The masses come from a quick look, which may be wrong by several nats: a part of their sum is shared evenly among
     the objects that have any.
     """
-    labels = label_of(cell)
     finite = log_mass > -np.inf
     if not finite.any():
         return log_mass
     mass = np.exp(log_mass - log_mass[finite].max())
-    held = np.bincount(labels, mass)
+    held = np.bincount(label, mass)
     there = np.count_nonzero(held)
     gain = 1 - _EVEN + _EVEN * held.sum() / there / np.where(held > 0, held, 1.0)
-    return np.where(finite, log_mass + np.log(gain)[labels], -np.inf)
+    return np.where(finite, log_mass + np.log(gain)[label], -np.inf)
 
 
 def thinned(log_mass: FloatArray, count: int, offset: float = 0.5) -> tuple[NDArray[np.intp], FloatArray]:

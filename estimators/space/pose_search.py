@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.space import pose_cells
-from tactsim.estimators.space.pose_cells import CellSizes
+from tactsim.estimators.space.pose_cells import CellSizes, PoseCells, shared, thinned
 from tactsim.estimators.space.rotation_cells import ACROSS, every_cell, middles
-from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, screen
+from tactsim.estimators.space.screen_kernels import PadWay, Slack, screen
 from tactsim.estimators.space.space_field import SpaceField
 from tactsim.estimators.space.surface import Surface
 from tactsim.estimators.space.touch_points import PointReader, joined, since
@@ -70,7 +69,17 @@ class PoseSearch:
     Cells of them, all objects' together, are screened (`screen_kernels`) for what may lie in them, the better ones are
     halved in turns, then in places, and so on. Of the cells that are not halved some stand for all: so what is found
     stands for the whole belief. screened: touches times cells that were looked at. coarse: the coarse cells' sizes.
+    anchor: (3,) mm in the robot's frame, from the first contact on.
     """
+
+    anchor: FloatArray
+    # The coarse cells that can matter from the first contact on, their poses (n, 7), and logs (n,): what touches say of
+    # them, the prior that they hold, and for how many others each stands.
+    _cells: PoseCells
+    _poses: FloatArray
+    _scores: FloatArray
+    _prior: FloatArray
+    _held: FloatArray
 
     def __init__(
         self,
@@ -98,19 +107,21 @@ class PoseSearch:
 
     def reset(self) -> None:
         """Forget all touches."""
-        self._points: TouchPoints | None = None
-        self.anchor: FloatArray | None = None
+        self._points = self._reader.read(np.empty((0, len(self._reader.taxel_points))), np.empty((0, 7)))
+        self._begun = False
 
     def take_in(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
         """Add touches: readings (m, taxels) kPa at poses (m, 7)."""
-        new = self._reader.read(readings, sensors_in_robot)
-        first = 0 if self._points is None else len(self._points.sensor)
-        self._points = new if self._points is None else joined(self._points, new)
-        if self.anchor is not None:
+        first, new = len(self._points.sensor), self._reader.read(readings, sensors_in_robot)
+        self._points = joined(self._points, new)
+        if self._begun:
             self._screen_coarse(first)
         elif new.points.any():
             strongest = int(np.where(new.points > 0, readings.sum(axis=1), -np.inf).argmax())
-            self.anchor = self._reader.anchor(readings[strongest], sensors_in_robot[strongest])
+            self.anchor, self._begun = (
+                self._reader.anchor(readings[strongest], sensors_in_robot[strongest]),
+                True,
+            )
             self._list_coarse(sensors_in_robot[strongest])
             self._screen_coarse(0)
 
@@ -122,32 +133,28 @@ class PoseSearch:
         Returns labels (n,), object_in_robot (n, 7), and the logs (n,) of how much of the prior each stands for. n is at
         most `count`: poses outside of the prior are left out. It is 0 where no object can be what was touched.
         """
-        assert self.anchor is not None
         sizes, cells, scores = self.coarse, self._cells, self._scores
         log_held, log_mass = self._held, self._scores + self._prior + self._held
         for step in range(2 * halvings):
-            chosen, more = pose_cells.thinned(pose_cells.shared(log_mass, cells), count, rng.random())
+            chosen, more = thinned(shared(log_mass, cells.label), count, rng.random())
             if not len(chosen):  # the prior is nowhere near
                 break
             least = float(scores[chosen].max()) - _NEGLIGIBLE
-            halves, sizes = (
-                (pose_cells.shifted_halves, sizes.shifted())
-                if step % 2
-                else (pose_cells.turned_halves, sizes.turned())
-            )
-            cells = halves(cells[chosen]).ravel()
-            poses = pose_cells.poses_of(cells, sizes, self.anchor)
-            prior = pose_cells.log_prior(cells, poses, sizes, self._slack(poses, sizes))
+            if step % 2:
+                cells, sizes = cells.some(chosen).shifted_halves(), sizes.shifted()
+            else:
+                cells, sizes = cells.some(chosen).turned_halves(), sizes.turned()
+            poses = cells.poses(sizes, self.anchor)
+            prior = cells.log_prior(poses, sizes, self._slack(poses, sizes))
             log_held = np.repeat(log_held[chosen] + more, 8)
-            scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), least)
-            if scores.max() == -np.inf:
-                scores = self._screen(cells, poses, sizes, 0, np.zeros(len(cells)), -np.inf)
+            scores = self._screen(cells.label, poses, sizes, 0, np.zeros(len(cells)), least)
             log_mass = prior + log_held + scores
-        chosen, more = pose_cells.thinned(pose_cells.shared(log_mass, cells), count, rng.random())
-        poses = self._within(pose_cells.poses_of(cells[chosen], sizes, self.anchor), sizes, rng)
-        log_held = log_held[chosen] + more + pose_cells.log_prior(cells[chosen], poses, sizes)
+        chosen, more = thinned(shared(log_mass, cells.label), count, rng.random())
+        cells = cells.some(chosen)
+        poses = self._within(cells.poses(sizes, self.anchor), sizes, rng)
+        log_held = log_held[chosen] + more + cells.log_prior(poses, sizes)
         inside = log_held > -np.inf
-        return pose_cells.label_of(cells[chosen][inside]), poses[inside], log_held[inside]
+        return cells.label[inside], poses[inside], log_held[inside]
 
     def seeds(self, count: int, kept: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], FloatArray]:
         """Draw `count` of the coarse cells, move the poses in their middles to where touches agree, and keep the best.
@@ -155,20 +162,15 @@ class PoseSearch:
         Returns labels (n,) and object_in_robot (n, 7) of at most `kept` poses, the best first. They stand for no share
         of the belief; a search for its modes may begin at them.
         """
-        mass = pose_cells.shared(self._scores + self._prior + self._held, self._cells)
-        chosen, _ = pose_cells.thinned(mass, count, rng.random())
-        label, poses, score = (
-            pose_cells.label_of(self._cells[chosen]),
-            self._poses[chosen],
-            np.zeros(len(chosen)),
-        )
+        mass = shared(self._scores + self._prior + self._held, self._cells.label)
+        chosen, _ = thinned(mass, count, rng.random())
+        label, poses, score = self._cells.label[chosen], self._poses[chosen], np.zeros(len(chosen))
         self._look(label, poses, self.coarse, 0, _STEPS, -np.inf, score)
         best = np.argsort(-score, kind="stable")[:kept]
         return label[best], poses[best]
 
     def _list_coarse(self, sensor_in_robot: FloatArray) -> None:
         """List the coarse cells in which the surface faces the pad: their middles lie on the surface."""
-        assert self.anchor is not None
         cube, place = every_cell(self.coarse.side)
         turns = middles(cube, place, self.coarse.side)
         along = rigid.turned(sensor_in_robot[3:], np.array([0.0, 0.0, 1.0]))
@@ -180,51 +182,54 @@ class PoseSearch:
             # Where normals differ within a voxel, their mean is short, and the pad may look along it.
             least = _OBLIQUE + 1 - np.linalg.norm(patches.normals, axis=1) + slant
             which, turn = np.nonzero(patches.normals @ inward.T < least[:, None])
-            cells.append(pose_cells.packed(label, cube[turn], place[turn], patches.voxels[which]))
+            cells.append(PoseCells(np.full(len(turn), label), cube[turn], place[turn], patches.voxels[which]))
             poses.append(
                 np.concatenate(
                     [self.anchor - rigid.turned(turns[turn], patches.points[which]), turns[turn]], axis=1
                 )
             )
-        self._cells, self._poses = np.concatenate(cells), np.concatenate(poses)
-        slack = self._slack(self._poses, self.coarse)
-        prior = pose_cells.log_prior(self._cells, self._poses, self.coarse, slack)
-        kept, self._held = pose_cells.thinned(pose_cells.shared(prior, self._cells), _LISTED)
-        self._cells, self._poses, self._prior = self._cells[kept], self._poses[kept], prior[kept]
-        self._scores = np.zeros(len(self._cells))
+        self._cells, self._poses = PoseCells.joined(cells), np.concatenate(poses)
+        self._prior = self._cells.log_prior(self._poses, self.coarse, self._slack(self._poses, self.coarse))
+        self._scores, self._held = np.zeros(len(self._cells)), np.zeros(len(self._cells))
+        self._keep(self._prior, _LISTED)
 
     def _screen_coarse(self, first: int) -> None:
         """Take touches from `first` on into the coarse cells, and keep those that can matter."""
         if not len(self._cells):
             return
         least = float(self._scores.max()) - _NEGLIGIBLE
-        score = self._screen(self._cells, self._poses, self.coarse, first, self._scores, least)
-        if score.max() == -np.inf:
-            score = self._screen(self._cells, self._poses, self.coarse, first, self._scores, -np.inf)
-        mass = score + self._prior + self._held
+        self._scores = self._screen(self._cells.label, self._poses, self.coarse, first, self._scores, least)
+        mass = self._scores + self._prior + self._held
         mass[mass < mass.max() - _FORGOTTEN] = -np.inf
-        kept, more = pose_cells.thinned(
-            pose_cells.shared(mass, self._cells), _LISTED if first == 0 else _KEPT
+        self._keep(mass, _LISTED if first == 0 else _KEPT)
+
+    def _keep(self, log_mass: FloatArray, count: int) -> None:
+        """Keep `count` of the coarse cells, chosen by their log-masses (n,)."""
+        kept, more = thinned(shared(log_mass, self._cells.label), count)
+        self._cells, self._poses, self._held = (
+            self._cells.some(kept),
+            self._poses[kept],
+            self._held[kept] + more,
         )
-        self._cells, self._poses, self._scores, self._prior, self._held = (
-            self._cells[kept], self._poses[kept], score[kept], self._prior[kept], self._held[kept] + more
-        )  # fmt: skip
+        self._scores, self._prior = self._scores[kept], self._prior[kept]
 
     def _screen(
         self,
-        cells: NDArray[np.int64],
+        label: NDArray[np.int64],
         poses: FloatArray,
         sizes: CellSizes,
         first: int,
         score: FloatArray,
         least: float,
     ) -> FloatArray:
-        """Add the touches from `first` on to scores (n,) of cells; -inf for those that fall to `least`."""
-        assert self._points is not None
-        assert self.anchor is not None
-        score = score.copy()
-        self._look(pose_cells.label_of(cells), poses, sizes, first, 0, least, score)
-        return np.where(score > least, score, -np.inf)
+        """Add the touches from `first` on to scores (n,); -inf for those that fall to `least`, unless all do."""
+        for limit in (least, -np.inf):
+            found = score.copy()
+            self._look(label, poses, sizes, first, 0, limit, found)
+            found = np.where(found > limit, found, -np.inf)
+            if found.max() > -np.inf:
+                break
+        return found
 
     def _look(
         self,
@@ -237,8 +242,6 @@ class PoseSearch:
         score: FloatArray,
     ) -> None:
         """Call `screen` for poses (n, 7) of objects (n,): moves the poses by so many steps and adds to score (n,)."""
-        assert self._points is not None
-        assert self.anchor is not None
         touches = since(self._points, first)
         slack = Slack(self.anchor, sizes.turn, sizes.shift, _WIDTH)
         for one in np.unique(label).tolist():
@@ -253,13 +256,11 @@ class PoseSearch:
 
     def _slack(self, poses: FloatArray, sizes: CellSizes) -> float:
         """Give how far an object's origin may be from that of its cell's middle, mm."""
-        assert self.anchor is not None
         lever = float(np.linalg.norm(poses[:, :3] - self.anchor, axis=1).max(initial=0.0))
         return 2 * (lever * sizes.turn + sizes.shift)
 
     def _within(self, poses: FloatArray, sizes: CellSizes, rng: np.random.Generator) -> FloatArray:
         """Move poses (n, 7) from the middles of their cells to anywhere within."""
-        assert self.anchor is not None
         by = rigid.from_vector(rng.uniform(-0.5, 0.5, (len(poses), 3)) * (ACROSS / sizes.side))
         shift = rng.uniform(-0.5, 0.5, (len(poses), 3)) * sizes.voxel
         place = self.anchor + rigid.turned(by, poses[:, :3] - self.anchor) + shift

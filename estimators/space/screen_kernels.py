@@ -228,10 +228,3 @@ def screen(
                 may_turn, may_shift = _SHRINK * may_turn, _SHRINK * may_shift
             else:
                 score[n] = total
-
-
-@compiled(void(VOXELS, REALS_2D, REALS))
-def distances(voxels: Voxels, place: Reals, distance: Reals) -> None:
-    """Write the signed distances (n,) mm at places (n, 3) mm."""
-    for n in range(len(place)):
-        distance[n] = distance_at(voxels, place[n, 0], place[n, 1], place[n, 2])

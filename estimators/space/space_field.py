@@ -37,7 +37,7 @@ class SpaceField:
     """log p(touches | object, object_in_robot) for the touches of a sequence so far, given the object independent.
 
     labels: the objects. maps: the signed distances to each one's surface. rays: through the pad. touching: how the pad
-    feels. evaluations: how many touches were compared with how many states, summed.
+    feels.
     """
 
     def __init__(self, charts: Mapping[str, Chart], rays: Rays, touching: Touching, load: float) -> None:
@@ -47,7 +47,6 @@ class SpaceField:
         self.rays, self.touching, self._load = rays, touching, load
         self._corners = corners_of(touching)
         self._surfaces = [chart.surface for chart in charts.values()]
-        self.evaluations = 0
         self.reset()
 
     @classmethod
@@ -104,7 +103,6 @@ class SpaceField:
             self.maps[self.labels[label_index]], self.touching, self._corners, np.ascontiguousarray(object_in_robot),
             self._readings, self._sensors, first, last, result,
         )  # fmt: skip
-        self.evaluations += len(result) * max(last - first, 0)
         return result
 
     def climb(
@@ -120,7 +118,6 @@ class SpaceField:
             self.maps[self.labels[label_index]], self.touching, self._corners, moved, self._readings, self._sensors,
             steps, information, log_p,
         )  # fmt: skip
-        self.evaluations += len(moved) * self.touches * (steps + 1)
         return moved, information, log_p
 
     def surface(self, label_index: int) -> Surface:

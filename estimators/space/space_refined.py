@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from tactsim.core import rigid
+from tactsim.core.errors import InputError
+from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
+from tactsim.core.rigid import checked_poses
+from tactsim.core.space_scan import SpaceScan
+from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
 from tactsim.estimators.filters.states import Weights
 from tactsim.estimators.space.moved_particles import MovedParticles, born, evidence
-from tactsim.estimators.space.pose_cells import check_room
 from tactsim.estimators.space.pose_modes import draw, find_modes
 from tactsim.estimators.space.pose_search import PoseSearch
-from tactsim.estimators.space.space_filter import SpaceFilter, SpaceFilterOptions
+from tactsim.estimators.space.se3_states import mean_around
+from tactsim.estimators.space.space_field import SpaceField, SpaceMapOptions
+from tactsim.estimators.space.space_information import STATES, information
+from tactsim.estimators.space.touch_points import PointReader
 
+_LEAST = 1e-9  # the share of the belief that an object keeps
 _LATER = 1.5  # times as many contacts as at the last search make another one due
 _SEEDS = 75  # particles that modes are sought from, beside the better ones of a search's seeds
 _KEPT = 300  # of these
 _BEFORE = 256  # poses of an object that stand for it until something is touched
 
 
-class SpaceRefinedOptions(SpaceFilterOptions):
+class SpaceRefinedOptions(SpaceMapOptions):
     """Options of the coarse-to-fine filter in space."""
 
+    reach: float = Field(
+        20.0,
+        gt=0,
+        le=1000,
+        description="the object's origin is within this of the robot's along each axis, mm",
+    )
     rotations: int = Field(
         4, ge=2, le=8, description="coarse cells along each side of the four cubes of rotations"
     )
@@ -49,8 +64,11 @@ class SpaceRefinedOptions(SpaceFilterOptions):
     survivors: float = Field(0.2, gt=0, lt=1, description="share of the particles that must stay effective")
 
 
-class SpaceRefinedFilter(SpaceFilter):
-    """A coarse-to-fine search over all poses, and particles about the modes that it finds.
+class SpaceRefinedFilter(Estimator):
+    """A coarse-to-fine search over all (object, object_in_robot), poses in SE(3), and particles about its modes.
+
+    Before the first touch all objects are as probable, the origin is even over a box about the robot's, the rotation
+    even over all. Objects whose maps are equal are one hypothesis and share its probability.
 
     After a contact `PoseSearch` moves the middles of coarse cells to where touches agree. From the better ones, and
     from some of the particles so far, the modes of the belief are climbed to (`pose_modes`), and particles are drawn
@@ -60,23 +78,50 @@ class SpaceRefinedFilter(SpaceFilter):
     the particles go on where enough of them count; else modes are climbed to from them alone.
     """
 
+    in_space = True
     options_type = SpaceRefinedOptions
     options: SpaceRefinedOptions
     budget = "cells"
 
-    def _fitted(self) -> None:
-        chosen = self.options
+    def __init__(self, options: SpaceRefinedOptions) -> None:
+        super().__init__(options)
+        self.labels: tuple[str, ...] = ()
+        self._started = False
+
+    def fit(self, scan: SpaceScan) -> None:  # type: ignore[override]
+        """Learn surfaces from the scan's training touches; its test touches are not looked at.
+
+        Raises InputError if the scan is none of objects in space, or has no training touches.
+        """
+        if not isinstance(scan, SpaceScan):
+            raise InputError(
+                f"estimator {name_of(self)} works in space; give it a scan of objects "
+                "in space, as `bench scan --task solids` makes"
+            )
+        self.fit_field(SpaceField.learn(scan, self.options), scan.taxel_points)
+
+    def fit_field(self, field: SpaceField, taxel_points: FloatArray) -> None:
+        """Take what was learned: a field over objects and poses, and the taxels (taxels, 3) mm."""
+        self.field, self.labels, self._started = field, tuple(field.labels), False
+        self.taxel_points = np.asarray(taxel_points, dtype=float)
+        feel, chosen = field.touching, self.options
+        self.reader = PointReader(self.taxel_points, feel.stiffness, float(np.median(feel.noise)))
+        self._alike = alike(field)
         self._distinct = np.flatnonzero(self._alike == np.arange(len(self.labels))).tolist()
         self._search = PoseSearch(
-            self.field, self._distinct, self.reader, chosen.rotations, chosen.voxel, chosen.reach
+            field, self._distinct, self.reader, chosen.rotations, chosen.voxel, chosen.reach
         )
-        check_room(self._distinct, self._search.coarse, chosen.halvings)
         self._evaluated = 0
         self._least = chosen.survivors * chosen.particles
 
-    def _reset(self, rng: np.random.Generator) -> None:
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence."""
+        check_order(bool(self.labels), "fit", "reset")
+        self.field.reset()
         self._search.reset()
-        self._rng, self._due, self._open = rng, 0.0, True
+        # Proposals have a random stream of their own: the estimates are the same whether they are asked for or not.
+        self._planning, self._rng = rng.spawn(1)[0], rng
+        self._started, self._due, self._open = True, 0.0, True
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
         place = rng.uniform(-1, 1, (count, 3)) * self.options.reach
@@ -85,13 +130,20 @@ class SpaceRefinedFilter(SpaceFilter):
             np.zeros(count), np.full(count, -np.log(_BEFORE)), 1.0,
         )  # fmt: skip
 
-    def _update(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
-        """Take the touch into the particles and move them till they fit; search anew if that is due."""
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in a touch: a reading (taxels,) kPa at a pose (7,), or one of several pads, (m, taxels) at (m, 7).
+
+        Readings of several pads are independent given the object and its pose. Raises InputError, and leaves the belief
+        as it was, for a wrong shape, a number that is not finite, or a rotation that is none.
+        """
+        self._check_started("update")
+        readings, sensors = check_touch(reading, sensor_in_robot, len(self.taxel_points))
+        self.field.append(readings, sensors)
         chosen, old = self.options, self._particles
         met = np.flatnonzero(self.reader.met(readings))
-        places = [self.reader.anchor(readings[one], sensors_in_robot[one]) for one in met.tolist()]
+        places = [self.reader.anchor(readings[one], sensors[one]) for one in met.tolist()]
         self._touched = np.concatenate([self._touched, *(place[None] for place in places)])
-        self._search.take_in(readings, sensors_in_robot)
+        self._search.take_in(readings, sensors)
         old.take_in(self._log_p(old.label, old.pose, self.field.touches - len(readings)))
         contacts = len(self._touched)
         if not contacts:
@@ -121,6 +173,45 @@ class SpaceRefinedFilter(SpaceFilter):
             self._log_p, self._touched, chosen.reach, self._rng, chosen.particles, chosen.rounds, self._least
         )
 
+    def estimate(self) -> Estimate:
+        """Say which object it is and where: the mean about the best pose of the most probable object."""
+        self._check_started("estimate")
+        label, poses, weights = self.belief()
+        mass = np.bincount(label, weights.relative, minlength=len(self.labels))
+        # An object that no state is left of is improbable, not impossible.
+        mass = np.maximum(mass, _LEAST * mass.sum())[self._alike]
+        chance = mass / mass.sum()
+        best = int(chance.argmax())
+        mine = np.flatnonzero(label == self._alike[best])
+        poses, held = poses[mine], Weights(weights.log[mine])
+        return Estimate(
+            label=self.labels[best],
+            probabilities=dict(zip(self.labels, chance.tolist(), strict=True)),
+            robot_in_object=rigid.invert(mean_around(poses, held.normalised)),
+            samples=PoseSamples(rigid.invert(poses), held.normalised),
+        )
+
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose the index of the start (k, 7), sensor_in_robot, whose touch should say most about the state."""
+        self._check_started("propose")
+        starts = checked_poses(candidates, "candidates")
+        if starts.ndim != 2 or not len(starts):
+            raise InputError(
+                f"candidates have shape {starts.shape}; they are one or more [x, y, z, qw, qx, qy, qz]"
+            )
+        label, poses, weights = self.belief()
+        chosen = weights.systematic(STATES, self._planning)
+        return int(information(self.field, label[chosen], poses[chosen], starts).argmax())
+
+    def belief(self) -> tuple[NDArray[np.int64], FloatArray, Weights]:
+        """Give the particles that stand for the belief: objects (n,), object_in_robot (n, 7) and n weights."""
+        return self._particles.label, self._particles.pose, Weights(self._particles.rest)
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count evaluations of the likelihood, a pose in a touch each, and quick looks at one."""
+        return {"likelihood_evaluations": self._evaluated, "screened": self._search.screened, "skipped": {}}
+
     def _born(self, label: NDArray[np.int64], pose: FloatArray, log_held: FloatArray) -> MovedParticles:
         """Make particles of poses (n, 7) that stand for so much of the prior (n,), logs."""
         return born(label, pose, self._log_p(label, pose), log_held, self._least)
@@ -134,14 +225,8 @@ class SpaceRefinedFilter(SpaceFilter):
         self._evaluated += len(label) * (self.field.touches - first)
         return log_p
 
-    def belief(self) -> tuple[NDArray[np.int64], FloatArray, Weights]:
-        """Give the particles."""
-        return self._particles.label, self._particles.pose, Weights(self._particles.rest)
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count evaluations of the likelihood, a pose in a touch each, and quick looks at one."""
-        return {"likelihood_evaluations": self._evaluated, "screened": self._search.screened, "skipped": {}}
+    def _check_started(self, call: str) -> None:
+        check_order(self._started, "reset" if self.labels else "fit", call)
 
 
 class SpaceTemperedOptions(SpaceRefinedOptions):
@@ -156,3 +241,28 @@ class SpaceTemperedFilter(SpaceRefinedFilter):
 
     options_type = SpaceTemperedOptions
     budget = "particles"
+
+
+def alike(field: SpaceField) -> NDArray[np.int64]:
+    """Give for each object the first one whose map is the same, to the bit: (labels,)."""
+    first: dict[bytes, int] = {}
+    charts = [b"".join(np.asarray(part).tobytes() for part in field.maps[label]) for label in field.labels]
+    return np.array([first.setdefault(chart, number) for number, chart in enumerate(charts)])
+
+
+def check_touch(reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int) -> tuple[FloatArray, FloatArray]:
+    """Return readings (m, taxels) kPa and poses (m, 7) of a touch by one pad or by m.
+
+    Raises InputError if a shape is wrong, a number is not finite or a rotation is none.
+    """
+    readings, sensors = np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)
+    if readings.ndim not in (1, 2) or not readings.size or readings.shape[-1] != taxels:
+        raise InputError(f"a reading has shape {readings.shape}; the maps were learned from {taxels} taxels")
+    if sensors.shape != (*readings.shape[:-1], 7):
+        raise InputError(
+            f"sensor_in_robot has shape {sensors.shape}; readings of shape {readings.shape} need one pose "
+            "[x, y, z, qw, qx, qy, qz] each"
+        )
+    readings = finite(readings, "reading")
+    sensors = checked_poses(sensors, "sensor_in_robot")
+    return readings.reshape(-1, taxels), sensors.reshape(-1, 7)

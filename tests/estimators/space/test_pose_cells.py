@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.core import InputError, rigid
-from tactsim.estimators.space import pose_cells
-from tactsim.estimators.space.pose_cells import CellSizes
+from tactsim.core import rigid
+from tactsim.estimators.space.pose_cells import CellSizes, PoseCells, thinned
 from tactsim.estimators.space.rotation_cells import every_cell, volumes
 
 SIZES = CellSizes(side=4, voxel=4.0, reach=16.0, box=20.0)
@@ -38,47 +37,33 @@ def test_cells_hold_the_rotations_that_their_volumes_say():
 
 def some_cells():
     rng = np.random.default_rng(1)
-    cube, place, voxel = (
-        rng.integers(4, size=30),
-        rng.integers(4, size=(30, 3)),
-        rng.integers(8, size=(30, 3)),
+    return PoseCells(
+        np.full(30, 3), rng.integers(4, size=30), rng.integers(4, size=(30, 3)), rng.integers(8, size=(30, 3))
     )
-    return pose_cells.packed(3, cube, place, voxel)
 
 
 @pytest.mark.parametrize(
     ("halves", "sizes"),
-    [(pose_cells.turned_halves, SIZES.turned()), (pose_cells.shifted_halves, SIZES.shifted())],
+    [(PoseCells.turned_halves, SIZES.turned()), (PoseCells.shifted_halves, SIZES.shifted())],
 )
 def test_halves_share_what_their_cell_holds(halves, sizes):
     cells = some_cells()
     parts = halves(cells)
-    assert (pose_cells.label_of(parts) == 3).all()
-    assert len(np.unique(parts)) == 8 * len(np.unique(cells))
-    whole = pose_cells.log_prior(cells, pose_cells.poses_of(cells, SIZES, ANCHOR), SIZES, 1e3)
-    poses = pose_cells.poses_of(parts.ravel(), sizes, ANCHOR)
-    part = pose_cells.log_prior(parts.ravel(), poses, sizes, 1e3).reshape(-1, 8)
+    assert (parts.label == 3).all()
+    counts = [
+        len(np.unique(np.column_stack([some.cube, some.place, some.voxel]), axis=0))
+        for some in (cells, parts)
+    ]
+    assert counts[1] == 8 * counts[0]
+    whole = cells.log_prior(cells.poses(SIZES, ANCHOR), SIZES, 1e3)
+    part = parts.log_prior(parts.poses(sizes, ANCHOR), sizes, 1e3).reshape(-1, 8)
     np.testing.assert_allclose(np.exp(part).sum(axis=1), np.exp(whole), rtol=0.05)
-
-
-@pytest.mark.parametrize(
-    ("labels", "sizes", "halvings", "said"),
-    [
-        ([0, 128], SIZES, 2, "129 objects"),
-        ([0], CellSizes(8, 4.0, 16.0, 20.0), 6, "512 cells along a cube"),
-        ([0], CellSizes(4, 1.0, 32.5, 20.0), 4, "1,040 voxels along"),
-    ],
-)
-def test_more_cells_than_can_be_numbered_are_refused(labels, sizes, halvings, said):
-    with pytest.raises(InputError, match=said):
-        pose_cells.check_room(labels, sizes, halvings)
-    pose_cells.check_room([0, 127], SIZES, 5)
 
 
 def test_outside_of_the_box_the_prior_is_zero():
     cells = some_cells()
-    poses = pose_cells.poses_of(cells, SIZES, np.array([25.0, 0.0, 0.0]))
-    held = pose_cells.log_prior(cells, poses, SIZES)
+    poses = cells.poses(SIZES, np.array([25.0, 0.0, 0.0]))
+    held = cells.log_prior(poses, SIZES)
     assert ((held == -np.inf) == (np.abs(poses[:, :3]).max(axis=1) > 20)).all()
     assert (held == -np.inf).any()
 
@@ -86,7 +71,7 @@ def test_outside_of_the_box_the_prior_is_zero():
 @given(st.lists(st.floats(-40, 0) | st.just(-np.inf), min_size=1, max_size=60), st.integers(1, 70))
 def test_what_is_thinned_keeps_its_sum(values, count):
     log_mass = np.array(values)
-    which, factor = pose_cells.thinned(log_mass, count)
+    which, factor = thinned(log_mass, count)
     assert len(which) <= count
     assert (np.diff(which) > 0).all()
     assert (factor >= -1e-9).all()  # none is made smaller

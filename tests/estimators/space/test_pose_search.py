@@ -8,7 +8,7 @@ from numba import njit
 from tactsim.core import rigid
 from tactsim.estimators.space import screen_kernels
 from tactsim.estimators.space.pose_steps import advance_about, shortened, solve
-from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, distances, screen
+from tactsim.estimators.space.screen_kernels import PadWay, Slack, TouchPoints, screen
 from tactsim.estimators.space.voxels import sparse
 
 BLOCK = toy.Box((15.0, 10.0, 6.0))
@@ -56,8 +56,7 @@ def test_a_look_without_steps_weighs_distances_and_moves_nothing(block):
         places = rigid.transform(rigid.invert(at[n]), touches.point[:, :, :3].reshape(-1, 3)).reshape(4, 6, 3)
         center = rigid.transform(rigid.invert(at[n]), np.zeros((1, 3)))[0]
         variance = WIDTH**2 + 0.5**2 + 0.05**2 * ((places - center) ** 2).sum(-1)
-        away = np.empty(24)
-        distances(block, np.ascontiguousarray(places.reshape(-1, 3)), away)
+        away = toy.distances(block, np.ascontiguousarray(places.reshape(-1, 3)))
         half = 0.5 * away.reshape(4, 6) ** 2 / variance
         lost = (0.5 * half / (1 + half / screen_kernels._BOUND)).sum(axis=1)
         assert score[n] == pytest.approx(-(lost / (1 + lost / screen_kernels._MOST)).sum())

@@ -13,7 +13,6 @@ from tactsim.core import InputError, rigid
 from tactsim.estimators.contract import SPACE_CHECKS, SpaceCase
 from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.estimators.space import pose_search
-from tactsim.estimators.space.screen_kernels import distances
 from tactsim.estimators.space.surface import surface_of
 from tactsim.estimators.space.touch_points import PointReader
 from tactsim.estimators.space.voxels import sparse
@@ -93,8 +92,7 @@ class ToyField:
             placed = np.ascontiguousarray(
                 rigid.transform(rigid.invert(poses), np.concatenate([touched, passed]))
             )
-            away = np.empty(placed.shape[0] * placed.shape[1])
-            distances(self.maps[self.labels[label]], placed.reshape(-1, 3), away)
+            away = toy.distances(self.maps[self.labels[label]], placed.reshape(-1, 3))
             square = away.reshape(len(poses), -1) ** 2 / self.width**2
             within = np.where(away.reshape(len(poses), -1) < 0, square, 0.0)[:, len(touched) :]
             total -= 0.5 * (square[:, : len(touched)].sum(axis=1) / max(len(touched), 1) + within.sum(axis=1))

@@ -3,22 +3,14 @@
 import numpy as np
 import pytest
 from numba import njit
+from toy_solids import distances
 
 from tactsim.core import rigid
 from tactsim.estimators.space.feeling_kernels import feel_all
 from tactsim.estimators.space.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, redistance, settle
-from tactsim.estimators.space.voxels import distance_at, first_hit, sparse
+from tactsim.estimators.space.voxels import first_hit, sparse
 
 RADIUS, CELL = 12.0, 0.8
-
-
-@njit
-def distances(voxels, points):
-    """Look up distances (n,) at points (n, 3)."""
-    found = np.empty(len(points))
-    for n in range(len(points)):
-        found[n] = distance_at(voxels, points[n, 0], points[n, 1], points[n, 2])
-    return found
 
 
 def dense():

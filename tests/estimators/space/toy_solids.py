@@ -5,14 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from tactsim.core import Pad, rigid
 from tactsim.core.space_scan import SpaceScan
+from tactsim.estimators.space.voxels import distance_at
 
 STIFFNESS, THICKNESS, FORCE, BLUR, STROKE = 50.0, 3.0, 2.0, 1.0, 60.0  # kPa/mm, mm, N, mm, mm
 PAD = Pad()
 _FINE = 0.475  # mm between the points at which the layer is worked out
 FAR = 1e3  # mm; where a ray hits nothing
+
+
+@njit
+def distances(voxels, points):
+    """Look up signed distances (n,) mm at points (n, 3) mm."""
+    found = np.empty(len(points))
+    for n in range(len(points)):
+        found[n] = distance_at(voxels, points[n, 0], points[n, 1], points[n, 2])
+    return found
 
 
 @dataclass(frozen=True)
