@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,15 @@ class Estimate:
     robot_in_object: FloatArray
     samples: PoseSamples | None = None
     unexplained: float = 0.0
+
+    def moved(self, move: Callable[[FloatArray], FloatArray]) -> Estimate:
+        """Give the estimate with all its poses (..., 3) as a function moves them."""
+        samples = self.samples
+        return replace(
+            self,
+            robot_in_object=move(self.robot_in_object),
+            samples=None if samples is None else PoseSamples(move(samples.poses), samples.weights),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ import numpy as np
 from tactsim.core import Scan, compose, invert
 from tactsim.core.origins import object_origin, positions_from, seen_from
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
+from tactsim.estimators.estimator import Estimate, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 _DIGITS = 9  # decimals of mm and rad of a pose seen from a far touch: the others are rounding
@@ -89,12 +89,7 @@ class Frames:
         """Bring the poses of an estimate back into the user's frames."""
         if self.first_touch is None and not self.object_origin.any():
             return known
-        samples = known.samples
-        return replace(
-            known,
-            robot_in_object=self.poses_back(known.robot_in_object),
-            samples=None if samples is None else PoseSamples(self.poses_back(samples.poses), samples.weights),
-        )
+        return known.moved(self.poses_back)
 
     def plane_back(self, belief: PlaneBelief) -> PlaneBelief:
         """Bring a belief over the plane back; with a far robot it shows where on the object the first touch was."""

@@ -16,13 +16,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.idle import Idle, find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, PlaneBelief, PoseSamples
+from tactsim.estimators.estimator import PlaneBelief
 from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.contact_information import (
     class_information,
@@ -114,24 +113,6 @@ class PadUnits:
         if not sequences or scan.sequence is None:
             return replace(brought, sequence=None, sequence_times=None, sequence_force=None)
         return replace(brought, sequence=self.readings(scan.sequence.astype(float)).astype(np.float32))
-
-    def bring(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Bring a reading, or a sequence of images, and its pose (3,) to kPa and mm of the paper's pad.
-
-        A pose of another length is left as it is, for who gets it to refuse.
-        """
-        pose = np.array(sensor_in_robot, dtype=float)
-        values = self.readings(np.array(reading, dtype=float))
-        return values, self.poses(pose) if pose.shape == (3,) else pose
-
-    def estimate_back(self, known: Estimate) -> Estimate:
-        """Bring the poses of an estimate in mm of the paper's pad back to mm."""
-        samples = known.samples
-        return replace(
-            known,
-            robot_in_object=self.poses_back(known.robot_in_object),
-            samples=None if samples is None else PoseSamples(self.poses_back(samples.poses), samples.weights),
-        )
 
     def plane_back(self, belief: PlaneBelief) -> PlaneBelief:
         """Bring the cells of a belief over the plane in mm of the paper's pad back to mm."""

@@ -94,7 +94,6 @@ class Planner:
     """Choose sensor poses, given states drawn from a belief. model: what predicts the readings there."""
 
     def __init__(self, model: CalibratedLikelihood, taxel_xy: FloatArray) -> None:
-        self.model = model
         cell = model.options.cell
         tables = tabulate(model, tuple(model.maps), (cell, cell), cell)
         log_p = tables.nodes * np.float32(tables.unit) + tables.outside[:, :, None, None].astype(np.float32)
@@ -109,16 +108,11 @@ class Planner:
         letter: NDArray[np.int64],
         state: FloatArray,
         rng: np.random.Generator,
-        besides: FloatArray | None = None,
     ) -> int:
-        """Find the candidate whose reading should say most, for the arguments of `information`.
-
-        besides: (n,) nats that a reading says of something else, by default nothing.
-        """
-        other = np.zeros(len(candidates)) if besides is None else besides
-        rough = self.information(candidates, letter[::_SIFT], state[:, ::_SIFT], rng) + other
+        """Find the candidate whose reading should say most, for the arguments of `information`."""
+        rough = self.information(candidates, letter[::_SIFT], state[:, ::_SIFT], rng)
         best = np.argsort(-rough, kind="stable")[: -(-len(candidates) // _SIFT)]
-        return int(best[(self.information(candidates[best], letter, state, rng) + other[best]).argmax()])
+        return int(best[self.information(candidates[best], letter, state, rng).argmax()])
 
     def information(
         self, candidates: FloatArray, letter: NDArray[np.int64], state: FloatArray, rng: np.random.Generator

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -38,10 +36,6 @@ class BagOfFeatures(ReadingClassifier):
     options_type = BagOptions
     options: BagOptions
 
-    def __init__(self, options: BagOptions) -> None:
-        super().__init__(options)
-        self._compared = 0
-
     def fit(self, scan: Scan) -> None:
         """Cluster the training readings into words, and count those of each letter."""
         from scipy.cluster.vq import kmeans  # imported here: only a fit needs it
@@ -63,15 +57,10 @@ class BagOfFeatures(ReadingClassifier):
         self._log_share = np.log(smoothed / smoothed.sum(axis=1, keepdims=True))
 
     def _log_p_of(self, reading: FloatArray) -> FloatArray:
-        self._compared += len(self.words)
+        self._evaluated += len(self.words)
         return np.asarray(self._log_share[:, self._nearest(reading[None])[0]])
 
     def _nearest(self, readings: FloatArray) -> NDArray[np.intp]:
         """Find the number of the nearest word of each of (n, taxels) readings."""
         squares = (self.words**2).sum(axis=1) - 2 * readings @ self.words.T
         return squares.argmin(axis=1)
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count the words that were compared."""
-        return {"likelihood_evaluations": self._compared, "skipped": {}}

@@ -9,7 +9,6 @@ waiting (branch and bound: Land and Doig 1960; for matching scans to maps Olson 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -163,19 +162,6 @@ def bins_from(belief: Belief, count: int, least: float, first: int, last: int) -
     return flat, log_p
 
 
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """The best bin of a grid, whichever letter's, and the proof that it is.
-
-    label: its letter. robot_in_object: its middle, [x, y, theta]. lead: nats that it is above the upper bound of
-    every bin that was left alone, infinite if none was. It is positive: no bin of the grid is better.
-    """
-
-    label: str
-    robot_in_object: FloatArray
-    lead: float
-
-
 class BinnedBelief:
     """log p(letter, bin | readings) of all bins, not normalised (paper, eq. 13).
 
@@ -242,31 +228,10 @@ class BinnedBelief:
         """List the bins that `update` was asked for: flat indices into (letters, angles, y, x), and log-beliefs."""
         return bins_from(self._belief, len(self._field), self._least, 0, len(self._field.labels))
 
-    def certificate(self) -> Certificate:
-        """Give the best bin, and how far below it the bins that were left alone are at least."""
-        waits = self._belief.seen != len(self._field)
-        others = float(self._bounds()[waits].max(initial=-math.inf))
-        flat, log_p = self.listed
-        best = flat[log_p.argmax()]
-        letter = int(best // self._grid.bins)
-        return Certificate(
-            self._field.labels[letter], self._grid.states(best[None])[:, 0], float(log_p.max()) - others
-        )
-
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
         current = self._belief.seen == len(self._field)
         return np.where(current[:, :, None, None], self._belief.log_p, -np.inf)
-
-    def upper_bounds(self) -> FloatArray:
-        """Give a bound that no bin is above: of the plane of each bin, (letters, angles, rows, columns)."""
-        return np.broadcast_to(self._bounds()[:, :, None, None], self._belief.log_p.shape)
-
-    def _bounds(self) -> FloatArray:
-        upper = self._field.terms.upper
-        return np.asarray(
-            self._belief.peak + (upper[len(self._field)] - upper[self._belief.seen]), dtype=float
-        )
 
     def _forget(self, readings: int) -> None:
         """Make all bins equally probable, as if after so many readings."""

@@ -244,15 +244,13 @@ def refine(
     return end[: times + 1], left[:filled], left_log_p[:filled], evaluated, unreplayed
 
 
-@compiled(types.Tuple((INTS, INTS, REALS, float64))(INTS, INTS, REALS, float64, float64))
-def held(
-    end: Ints, cell: Ints, log_p: Reals, weight: float, negligible: float
-) -> tuple[Ints, Ints, Reals, float]:
+@compiled(types.Tuple((INTS, INTS, REALS))(INTS, INTS, REALS, float64, float64))
+def held(end: Ints, cell: Ints, log_p: Reals, weight: float, negligible: float) -> tuple[Ints, Ints, Reals]:
     """List the cells that `refine` left and that hold a part of the belief.
 
     A cell holds its likelihood, log_p times `weight`, times its volume. Those `negligible` nats or more below the
     one that holds most are left out. Returns how often each was halved, flat indices, and logs of what they hold, less
-    that of the one that holds most (n,), and that log itself.
+    that of the one that holds most (n,).
     """
     volume, highest, first = math.log(8.0), -np.inf, 0
     for times in range(len(end)):
@@ -268,7 +266,7 @@ def held(
                 often[found], index[found], log_weight[found] = times, cell[i], share
                 found += 1
         first = end[times]
-    return often[:found], index[:found], log_weight[:found], highest
+    return often[:found], index[:found], log_weight[:found]
 
 
 def bins_of(grid: StateGrid) -> Bins:

@@ -45,17 +45,6 @@ class Cloud:
     log_weight: FloatArray
     log_evidence: float
 
-    @classmethod
-    def of(
-        cls, motion: Motion, state: FloatArray, spread: FloatArray, log_share: FloatArray, log_evidence: float
-    ) -> Cloud:
-        """Begin to move a letter's belief: states T_R^O (3, n) with the logs of their shares (n,), which sum to 1.
-
-        spread, log_evidence: of the cloud. Each scale of the motion is as likely as its prior says.
-        """
-        log_weight = log_share[:, None] + np.log(motion.prior)
-        return cls(motion.placed(state), spread, log_weight, log_evidence)
-
     def joined(self, other: Cloud) -> Cloud:
         """Put two clouds of a letter together, each with what its evidence makes of it."""
         both = float(np.logaddexp(self.log_evidence, other.log_evidence))

@@ -1,4 +1,4 @@
-"""The best of a grid's bins after every reading, whichever letter's; bins that cannot be among them wait (compiled).
+"""The best of a grid's bins after every reading, whichever letter's; bins that cannot be among them wait.
 
 Each bin has an upper bound. A bin reads four neighbouring nodes of a table for each taxel and interpolates; the largest
 of the four bounds that, in tables of their own, one byte a bound. All letters' bounds lie side by side, so that what a
@@ -12,14 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int8, int32, int64, types, uint64, void
+from numba import float32, float64, int8, int32, int64, types, uint64, void
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import FLOATS, INTS, REALS, Floats, Ints, Reals, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.kernels import ROUNDING, SAMPLED, TERMS, Sampled, Terms, replay
-from tactsim.estimators.filters.binned import Certificate, replace_least
 from tactsim.estimators.filters.grid import StateGrid
 
 # Nats; bins that are as near to the last one listed are listed too.
@@ -52,34 +51,19 @@ LEVELS = types.NamedTuple((int8[:, :, :, :, ::1], float64, int64, REALS), Levels
 class Coarse(NamedTuple):
     """The log-belief of all bins, (angles, rows, columns, letters) flat, some of which wait.
 
-    upper: not below what a bin's log-belief is after all readings. highest: (angles * rows,) no bin of the row has a
-    higher bound. log_p: a bin's log-belief after the first `seen` readings. counts: letters, angles, rows, columns.
-    middle: x of all columns, y of all rows, then all angles, mm, mm, rad.
+    upper: not below what a bin's log-belief is after all readings. log_p: a bin's log-belief after the first `seen`
+    readings. counts: letters, angles, rows, columns. middle: x of all columns, y of all rows, then all angles, mm, mm,
+    rad.
     """
 
     upper: Reals
-    highest: Reals
     log_p: Reals
     seen: NDArray[np.int32]
     counts: Ints
     middle: Reals
 
 
-COARSE = types.NamedTuple((REALS, REALS, REALS, int32[::1], INTS, REALS), Coarse)
-
-
-class Wanted(NamedTuple):
-    """Which bins are asked for: all at most `within` nats below the best, and in any case the best `keep` and one more.
-
-    skip: whether the others may wait.
-    """
-
-    keep: int
-    within: float
-    skip: bool
-
-
-WANTED = types.NamedTuple((int64, float64, boolean), Wanted)
+COARSE = types.NamedTuple((REALS, REALS, int32[::1], INTS, REALS), Coarse)
 
 
 def levels_of(field: LikelihoodField, first: FloatArray, spacing: FloatArray) -> Levels:
@@ -127,20 +111,6 @@ def place_rounding(levels: Levels, terms: Terms, reading: int, rows: int, column
     return 2.5 * ROUNDING * most
 
 
-@compiled(void(COARSE, int64, REALS), ordered=False, called_from_python=False)
-def add_rows(coarse: Coarse, angle: int, most: Reals) -> None:
-    """Add to the bounds of an angle's bins what a reading gives them at most, (rows * columns * letters,)."""
-    letters, _, rows, columns = coarse.counts
-    width = columns * letters
-    for row in range(rows):
-        begin, highest = (angle * rows + row) * width, -np.inf
-        upper, added = coarse.upper[begin : begin + width], most[row * width : (row + 1) * width]
-        for k in range(width):
-            upper[k] += added[k]
-            highest = max(highest, upper[k])
-        coarse.highest[angle * rows + row] = highest
-
-
 @compiled(void(REALS, FLOATS, REALS), ordered=False, called_from_python=False)
 def raise_to(most: Reals, total: Floats, constant: Reals) -> None:
     """Raise what a reading gives bins (n,) to total (n,) and, in each row, constant (columns * letters,)."""
@@ -150,7 +120,7 @@ def raise_to(most: Reals, total: Floats, constant: Reals) -> None:
             most[first + k] = max(most[first + k], total[first + k] + constant[k])
 
 
-@compiled(void(COARSE, LEVELS, TERMS, int64), called_from_python=False)
+@compiled(void(COARSE, LEVELS, TERMS, int64))
 def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> None:
     """Let the upper bounds of all bins take in a reading. Of several loads the likeliest bounds their mean."""
     letters, angles, rows, columns = coarse.counts
@@ -197,47 +167,16 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
                     for k in range(uint64(max(0, end - begin))):
                         total[target + k] += factor * float32(flat[source + k])
             raise_to(most, total, constant[load])
-        add_rows(coarse, angle, most)
+        upper = coarse.upper[angle * len(most) : (angle + 1) * len(most)]
+        for k in range(len(most)):
+            upper[k] += most[k]
 
 
-@compiled(INTS(COARSE, float64, int64, boolean), called_from_python=False)
-def bins_above(coarse: Coarse, least: float, count: int, current: bool) -> Ints:
-    """List the bins whose bound is at least `least`, ascending: those that are up to date, or the others."""
-    width, number = len(coarse.upper) // len(coarse.highest), 0
-    for fill in range(2):  # first they are counted
-        place, number = np.empty(number, dtype=np.int64), 0
-        for row in range(len(coarse.highest)):
-            if coarse.highest[row] >= least:
-                for k in range(row * width, (row + 1) * width):
-                    if coarse.upper[k] >= least and (coarse.seen[k] == count) == current:
-                        if fill:
-                            place[number] = k
-                        number += 1
-    return place
-
-
-@compiled(float64(COARSE, float64, int64), called_from_python=False)
-def bound_of_waiting(coarse: Coarse, least: float, count: int) -> float:
-    """Bound what bins have that wait, all of which are below `least`."""
-    width, waits = len(coarse.upper) // len(coarse.highest), -np.inf
-    for row in range(len(coarse.highest)):
-        if coarse.highest[row] < least:
-            waits = max(waits, coarse.highest[row])
-        else:
-            for k in range(row * width, (row + 1) * width):
-                if coarse.seen[k] < count:
-                    waits = max(waits, coarse.upper[k])
-    return waits
-
-
-@compiled(int64(COARSE, INTS, TERMS, SAMPLED, int64, REALS), called_from_python=False)
-def evaluate_bins(
-    coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count: int, kept: Reals
-) -> int:
+@compiled(int64(COARSE, INTS, TERMS, SAMPLED, int64))
+def evaluate_bins(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count: int) -> int:
     """Let bins take in all of `count` readings; their bounds are then what they have.
 
-    place: (n,) flat indices. kept: the highest log-beliefs so far, as `replace_least` takes them. Returns how many
-    times a bin took in a reading.
+    place: (n,) flat indices. Returns how many times a bin took in a reading.
     """
     letters, _, rows, columns = coarse.counts
     evaluated = 0
@@ -264,59 +203,9 @@ def evaluate_bins(
         for k in range(len(some)):
             coarse.log_p[some[k]] = coarse.upper[some[k]] = log_p[k]
             coarse.seen[some[k]] = count
-            replace_least(kept, log_p[k])
         evaluated += len(some) * (count - first)
         begin = end
     return evaluated
-
-
-@compiled(
-    types.Tuple((INTS, REALS, float64, int64, INTS))(COARSE, LEVELS, TERMS, SAMPLED, INTS, WANTED, INTS)
-)
-def best_bins(
-    coarse: Coarse,
-    levels: Levels,
-    terms: Terms,
-    sampled: Sampled,
-    readings: Ints,
-    wanted: Wanted,
-    likely: Ints,
-) -> tuple[Ints, Reals, float, int, Ints]:
-    """Take in readings number readings[0] + 1, ..., readings[1], and list the bins that are wanted, ascending.
-
-    likely: of bins that are evaluated first; any will do. Bins are told by their flat indices in `Coarse`. Returns
-    places and log-beliefs, a bound of all bins that wait, how many times a bin took in a reading, and the places of the
-    best `keep` and one more, which are likely to be among the best after the next reading; none if too many are equal.
-    """
-    count, kept = readings[1], np.full(wanted.keep + 1, -np.inf)
-    best, evaluated, least = -np.inf, 0, -np.inf
-    if not wanted.skip:
-        coarse.highest[:] = np.inf
-        likely = np.arange(len(coarse.upper))
-    else:
-        for reading in range(readings[0], count):
-            raise_bounds(coarse, levels, terms, reading)
-    place, together = likely, max(_ROUND, wanted.keep + 1)
-    while True:
-        if len(place) > 0:
-            evaluated += evaluate_bins(coarse, place, terms, sampled, count, kept)
-            best = max(best, coarse.log_p[place].max())
-            least = min(best - wanted.within, kept[0]) - _ROUNDING
-        place = bins_above(coarse, least, count, False)
-        if len(place) == 0:
-            break
-        if len(place) > together:
-            # Among the bins that may matter, first those with the highest bounds.
-            bounds = coarse.upper[place]
-            place = place[bounds >= np.partition(bounds, len(bounds) - together)[len(bounds) - together]]
-            together *= 2
-    waits = bound_of_waiting(coarse, least, count)
-    place = bins_above(coarse, least, count, True)
-    log_p = coarse.log_p[place]
-    likely = place[log_p >= kept[0]]
-    if len(likely) > 2 * len(kept):
-        likely = likely[:0]
-    return place, log_p, waits, evaluated, likely
 
 
 class CoarseBins:
@@ -333,7 +222,6 @@ class CoarseBins:
         bins = len(field.labels) * grid.bins
         self._coarse = Coarse(
             upper=np.empty(bins),
-            highest=np.empty(grid.angle * grid.y),
             log_p=np.empty(bins),
             seen=np.empty(bins, dtype=np.int32),
             counts=np.array([len(field.labels), grid.angle, grid.y, grid.x]),
@@ -343,9 +231,9 @@ class CoarseBins:
 
     def reset(self) -> None:
         """Make all bins of all letters equally probable."""
-        for array in self._coarse[:4]:
+        for array in self._coarse[:3]:
             array[:] = 0
-        self._taken_in, self._waits, self._likely = 0, -math.inf, np.zeros(0, dtype=np.int64)
+        self._taken_in, self._likely = 0, np.zeros(0, dtype=np.int64)
         self.listed = np.zeros(1, dtype=np.int64), np.zeros(1)
 
     def update(self, within: float, keep: int) -> tuple[int, int]:
@@ -355,24 +243,33 @@ class CoarseBins:
         flat indices into (letters, angles, rows, columns), and log-beliefs. Returns how many times a bin took in a
         reading, and how many times it need not.
         """
-        field, grid, readings = self._field, self._grid, np.array([self._taken_in, len(self._field)])
-        wanted = Wanted(keep, within, self._skip)
-        place, log_p, self._waits, evaluated, self._likely = best_bins(
-            self._coarse, self._levels, field.terms, field.tables.sampled, readings, wanted, self._likely
-        )
-        cell, letter = np.divmod(place, len(field.labels))
-        self.listed = letter * grid.bins + cell, log_p
-        new, self._taken_in = len(field) - self._taken_in, len(field)
-        return evaluated, new * len(field.labels) * grid.bins - evaluated
-
-    def upper_bounds(self) -> FloatArray:
-        """Give a bound that each bin is not above: (letters, angles, rows, columns)."""
-        grid = self._grid
-        return self._coarse.upper.reshape(grid.angle, grid.y, grid.x, -1).transpose(3, 0, 1, 2)
-
-    def certificate(self) -> Certificate:
-        """Give the best bin, and how far below it the bins that were left alone are at least."""
-        flat, log_p = self.listed
-        best = flat[log_p.argmax()]
-        label = self._field.labels[int(best // self._grid.bins)]
-        return Certificate(label, self._grid.states(best[None])[:, 0], float(log_p.max()) - self._waits)
+        field, coarse, count = self._field, self._coarse, len(self._field)
+        place = np.arange(len(coarse.upper))
+        if self._skip:
+            for reading in range(self._taken_in, count):
+                raise_bounds(coarse, self._levels, field.terms, reading)
+            place = self._likely  # those that were best are probably among the best again
+        evaluated, together = 0, max(_ROUND, keep + 1)
+        # The highest log-beliefs that are known; from `least` on bins are listed.
+        kept, least = np.full(keep + 1, -np.inf), -np.inf
+        while True:
+            if len(place):
+                evaluated += evaluate_bins(coarse, place, field.terms, field.tables.sampled, count)
+                kept = np.partition(np.concatenate([kept, coarse.log_p[place]]), len(place))[len(place) :]
+                least = min(float(kept.max()) - within, float(kept[0])) - _ROUNDING
+            near = np.flatnonzero(coarse.upper >= least)
+            place = near[coarse.seen[near] < count]
+            if not len(place):
+                break
+            if len(place) > together:
+                # Among the bins that may matter, first those with the highest bounds.
+                bounds = coarse.upper[place]
+                place = place[bounds >= np.partition(bounds, len(bounds) - together)[len(bounds) - together]]
+                together *= 2
+        log_p = coarse.log_p[near]
+        likely = near[log_p >= kept[0]]
+        self._likely = likely if len(likely) <= 2 * len(kept) else likely[:0]  # too many are equal
+        cell, letter = np.divmod(near, len(field.labels))
+        self.listed = letter * self._grid.bins + cell, log_p
+        new, self._taken_in = count - self._taken_in, count
+        return evaluated, new * len(coarse.upper) - evaluated

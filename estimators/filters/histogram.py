@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import BinnedBelief, Certificate
+from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
 from tactsim.estimators.options import FilterOptions
@@ -90,15 +89,6 @@ class HistogramFilter(GridFilter):
         Bins that were left alone, because they cannot matter, have -inf.
         """
         return self._belief.log_belief()
-
-    def certificate(self) -> Certificate:
-        """Give the best bin of all letters, and how far below it the bins are that were left alone, at least.
-
-        Raises InputError if the object may move: then no bin is left alone, and nothing is to be proven.
-        """
-        if not isinstance(self._belief, BinnedBelief):
-            raise InputError("a histogram with motion leaves no bin alone; it needs no certificate")
-        return self._belief.certificate()
 
     def own_states(self) -> WeightedStates:
         """Give the bins that were not left alone, as their middles."""

@@ -242,11 +242,12 @@ class MapFilter(Estimator):
         """
         self._check_started("update")
         values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy), self.takes_sequences)
-        if self.pad_fit is None:
-            pose = self._bring_poses(pose)
-        else:
-            brought = self.pad_fit.units.bring(values, self._bring_poses(pose))
-            values, pose = check_reading(*brought, len(self.taxel_xy), self.takes_sequences)
+        pose = self._bring_poses(pose)
+        if self.pad_fit is not None:
+            units = self.pad_fit.units
+            values, pose = check_reading(
+                units.readings(values), units.poses(pose), len(self.taxel_xy), self.takes_sequences
+            )
         self.field.append(self.likelihood.evidence(values), pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
@@ -262,7 +263,7 @@ class MapFilter(Estimator):
         if self.open_set is not None:
             known = self.open_set.estimate(known, self.path(known), self.weighted_states)
         if self.pad_fit is not None:
-            known = self.pad_fit.units.estimate_back(known)
+            known = known.moved(self.pad_fit.units.poses_back)
         if len(set(self._object_of.values())) < len(self._object_of):  # an object's views are summed
             summed: dict[str, float] = {}
             for label, p in known.probabilities.items():
@@ -295,11 +296,7 @@ class MapFilter(Estimator):
         if self._planner is None:
             self._planner = Planner(self._calibrated(), self.taxel_xy)
         letter, state = self.weighted_states().draw(STATES, self._planning)
-        besides = None
-        if self.open_set is not None:
-            known = self._known()
-            besides = self.open_set.information(self._planner.model, known, self.path(known), poses)
-        return self._planner.choose(poses, letter, state, self._planning, besides)
+        return self._planner.choose(poses, letter, state, self._planning)
 
     def weighted_states(self) -> WeightedStates:
         """Give the belief as weighted states of all letters; those that are negligible may be left out."""
@@ -344,7 +341,7 @@ class MapFilter(Estimator):
         work = self._own_work()
         return {**work, "likelihood_evaluations": work["likelihood_evaluations"] + self._weighed}
 
-    # What a belief that moves beside the filter's own asks of it, and says to it (`moving.AtRest`).
+    # What a belief that moves beside the filter's own asks of it (`moving.MovingBelief`), as of `Synthesis` too.
 
     @abstractmethod
     def measure(self) -> None:

@@ -61,7 +61,6 @@ class Mlp(ReadingClassifier):
             raise InputError(
                 "estimator mlp needs scikit-learn, the extra learned: pip install 'tactsim[learned]'"
             )
-        self._named = 0
 
     def fit(self, scan: Scan) -> None:
         """Learn the mosaics, train the network on readings rendered from them, and find its temperature."""
@@ -139,15 +138,10 @@ class Mlp(ReadingClassifier):
         return np.log((1 - _OUTLIER) * p + _OUTLIER / p.shape[1])
 
     def _log_p_of(self, reading: FloatArray) -> FloatArray:
-        self._named += 1
+        self._evaluated += 1
         if self._net is None:
             return np.zeros(len(self.labels))
         return np.asarray(self._log_p(self._net, reading[None])[0, self._number] / self.temperature)
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count the readings that the network was asked about."""
-        return {"likelihood_evaluations": self._named, "skipped": {}}
 
 
 def _first_alike(train: Scan) -> dict[str, str]:

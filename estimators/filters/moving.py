@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,41 +22,13 @@ from tactsim.estimators.filters.states import (
     probabilities,
 )
 
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.map_filter import MapFilter
+    from tactsim.estimators.filters.synthesis import Synthesis
+
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
 _SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move
 _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any more
-
-
-class AtRest(Protocol):
-    """What a moving belief asks of the filter beside it, whose own belief is of an object that lies still.
-
-    labels: the letters.
-    """
-
-    labels: tuple[str, ...]
-
-    @property
-    def touches(self) -> int:
-        """Count the readings so far."""
-
-    @property
-    def located(self) -> bool:
-        """Tell whether the belief can be followed from here on; before, the object is taken to lie still."""
-
-    def measure(self) -> None:
-        """Update the filter's own belief with the last reading."""
-
-    def own_estimate(self) -> Estimate:
-        """Make the estimate of the filter's own belief."""
-
-    def own_states(self) -> WeightedStates:
-        """Give the filter's own belief as weighted states."""
-
-    def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
-        """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats."""
-
-    def foretold(self, belief: WeightedStates) -> float:
-        """Update the filter's own belief; returns the log-likelihood of the last reading in its `belief` before."""
 
 
 class MovingBelief:
@@ -72,7 +44,7 @@ class MovingBelief:
     filter holds that it lies.
     """
 
-    def __init__(self, filter: AtRest, motion: Motion) -> None:
+    def __init__(self, filter: MapFilter | Synthesis, motion: Motion) -> None:
         self._filter, self._motion = filter, motion
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -149,8 +121,8 @@ class MovingBelief:
             size = belief.size[:, chosen] if belief.size is not None else np.zeros_like(state)
             state = state + self._rng.uniform(-0.5, 0.5, state.shape) * size
             spread = (size[0] * size[1] * size[2] / motion.ratio) ** (2 / 3) / 12
-            share = np.full(len(chosen), -math.log(len(chosen)))
-            clouds.append(Cloud.of(motion, state, spread, share, float(evidence[letter])))
+            log_weight = np.full((len(chosen), 1), -math.log(len(chosen))) + np.log(motion.prior)
+            clouds.append(Cloud(motion.placed(state), spread, log_weight, float(evidence[letter])))
         return clouds
 
     def _log_p_of_placed(self, letter: int, placement: FloatArray) -> FloatArray:

@@ -4,16 +4,6 @@ Open-set recognition: a filter over the known letters always names one of them. 
 letter at all is told by the misfit of the readings, half of chi^2 beside what the letter's mosaic predicts at the
 best pose (`likelihoods.tilted_mosaic`), compared with the misfit of the letter's own training readings, each looked
 up in mosaics without itself.
-
-What would tell "none of these" from the best letter? An unknown object is taken for one of many: the best letter,
-changed around one place b, where what is felt in contact and what is not are exchanged. With the classes of a reading's
-taxels at places x on the object,
-
-    p(c | x, b) = (1 - w) p(c | x) + w p(exchanged c | x),   w = exp(-|x - b|^2 / 2 r^2).
-
-Readings so far say which of these objects it may still be. What another one would say of them is bounded by
-
-    sum over b of p(b) min(KL_b, -log p(b)),   KL_b from p(. | letter) to p(. | b), summed over its taxels.
 """
 
 from __future__ import annotations
@@ -24,13 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tactsim.core import InputError, Scan, compose, invert, transform
+from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import NONE, Estimate
 from tactsim.estimators.filters.states import WeightedStates
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 from tactsim.estimators.options import OpenSetOptions
@@ -39,10 +27,6 @@ _HALF_LOG_2PI = math.log(2 * math.pi) / 2
 _LEAST_DEVIATION = 1e-3  # nats
 # Letters that are less probable than this beside the most probable one, and all but so many, are not asked.
 _NEGLIGIBLE, _ASKED = 1e-3, 3
-# mm: places where an object may differ are as far apart, and reach as far.
-_APART, _REACH = 4.0, 2.5
-# The classes after contact and no contact are exchanged: No Contact, In Contact, Unknown.
-_EXCHANGED = [1, 0, 2]
 
 
 @dataclass(frozen=True)
@@ -79,8 +63,7 @@ class OpenSet:
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    labels: the letters. mosaics: of all of them. misfit: by letter, how its own readings fit, at each load. doubts:
-    where an unknown object may differ from the letters; made when it is first asked.
+    labels: the letters. mosaics: of all of them. misfit: by letter, how its own readings fit, at each load.
     """
 
     def __init__(self, options: OpenSetOptions, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -96,13 +79,12 @@ class OpenSet:
         self.mosaics = TiltedMosaics(options)
         self.mosaics.fit(scan, maps)
         self.misfit = {label: learn_misfit(self.mosaics, label) for label in maps}
-        self.doubts: Doubts | None = None
         self.reset()
 
     def of(self, labels: tuple[str, ...]) -> OpenSet:
         """Make one of some of the letters; what was learned of their misfits does not depend on the others."""
         other = copy.copy(self)
-        other.labels, other.doubts = labels, None
+        other.labels = labels
         other.mosaics = self.mosaics.of(labels)
         other.misfit = {label: self.misfit[label] for label in labels}
         other.reset()
@@ -127,20 +109,6 @@ class OpenSet:
         probabilities = {label: (1 - none) * p for label, p in known.probabilities.items()} | {NONE: none}
         best = max(probabilities, key=probabilities.__getitem__)
         return replace(known, label=best, probabilities=probabilities)
-
-    def information(
-        self, model: CalibratedLikelihood, known: Estimate, path: FloatArray, candidates: FloatArray
-    ) -> FloatArray:
-        """Say what readings at candidates (n, 3) would tell of places where the object may differ: (n,) nats.
-
-        model: of the known letters. known, path: as for `estimate`.
-        """
-        if self.doubts is None:
-            self.doubts = Doubts(model, self._taxel_xy)
-        readings, poses = self._history(known, path)
-        pose = self.mosaics.fitting_pose(known.label, known.robot_in_object, readings, poses)
-        weights = self.doubts.weights(known.label, pose, readings, poses, self._unknown)
-        return self.doubts.information(known.label, pose, weights, candidates)
 
     def _log_odds(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> float:
         """Weigh "none" against all letters: p(m | none) / p(m | letter), of which the inverse is averaged over them."""
@@ -216,56 +184,3 @@ def _log_smeared(z: float, width: float) -> float:
     more, less = (z + width, z) if z < 0 else (-z, -z - width)
     top = float(log_ndtr(more))
     return top + math.log(-math.expm1(float(log_ndtr(less)) - top)) - math.log(width) + _HALF_LOG_2PI
-
-
-class Doubts:
-    """The places where an unknown object may differ from a letter.
-
-    places: (b, 2) mm, in a square grid, all that lie on some known letter.
-    """
-
-    def __init__(self, model: CalibratedLikelihood, taxel_xy: FloatArray) -> None:
-        self._model, self._taxel_xy = model, taxel_xy
-        low, high = model.extent
-        ends = np.minimum(-low, high)
-        x, y = (np.arange(-(end // _APART), end // _APART + 1) * _APART for end in ends)
-        grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        occupied = np.max([chart.log_odds_at(grid) for chart in model.maps.values()], axis=0) > 0
-        self.places: FloatArray = grid[occupied]
-
-    def weights(
-        self, label: str, pose: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray, unknown: float
-    ) -> FloatArray:
-        """Give p(b | readings) for an object that is a letter at T_R^O, or with the prior `unknown` none: (places,).
-
-        readings: (n, taxels) kPa at sensor_in_robot (n, 3). What is left to 1 is the letter's.
-        """
-        log_weight = np.zeros(len(self.places))
-        if len(readings):
-            p, share = self._seen(label, pose, sensor_in_robot)
-            classes = self._model.classes(readings)[None]
-            own = np.take_along_axis(p, classes, axis=0)[0]
-            other = np.take_along_axis(p[_EXCHANGED], classes, axis=0)[0]
-            log_weight = np.log1p(share * (other / own - 1)).sum(axis=(1, 2))
-        log_weight += np.log(unknown / max(len(self.places), 1)) - np.log1p(-unknown)
-        top = max(0.0, log_weight.max(initial=0.0))
-        weight = np.exp(log_weight - top)
-        return np.asarray(weight / (weight.sum() + np.exp(-top)), dtype=float)
-
-    def information(
-        self, label: str, pose: FloatArray, weights: FloatArray, candidates: FloatArray
-    ) -> FloatArray:
-        """Bound what a reading at each candidate (n, 3) would say of the places with `weights`: (n,) nats."""
-        p, share = self._seen(label, pose, candidates)
-        change = share * (p[_EXCHANGED] - p)[:, None]
-        divergence = ((p[:, None] + change) * np.log1p(change / p[:, None])).sum(axis=(0, 3))
-        most = -np.log(np.maximum(weights, np.finfo(float).tiny))
-        return np.asarray(weights @ np.minimum(divergence, most[:, None]), dtype=float)
-
-    def _seen(
-        self, label: str, pose: FloatArray, sensor_in_robot: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.float64]]:
-        """Give p of the classes (3, n, taxels), and w of every place (places, n, taxels), for poses (n, 3)."""
-        xy = transform(compose(pose, sensor_in_robot), self._taxel_xy)
-        away = ((xy[None] - self.places[:, None, None]) ** 2).sum(axis=-1)
-        return np.exp(self._model.log_tables(label, xy)), np.exp(-away / (2 * _REACH**2))

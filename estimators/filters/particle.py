@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -95,7 +94,6 @@ class ParticleFilter(MapFilter):
 
     Letters whose tables are equal are one hypothesis, whose particles bear the first one's number: if each had its own,
     resampling would leave one of them by chance.
-    injection: which particles are replaced by random ones after resampling; None for none.
     """
 
     options_type: type[Options] = ParticleOptions
@@ -107,13 +105,11 @@ class ParticleFilter(MapFilter):
     _particles: _Particles
     _weights: Weights
 
-    def __init__(self, options: ParticleOptions, injection: Injection | None = None) -> None:
+    def __init__(self, options: ParticleOptions) -> None:
         super().__init__(options)
-        self._injection = injection
-        self._evaluated = self._injected = self._cones = self._spared = 0
+        self._evaluated = self._cones = self._spared = 0
 
     def _fit(self) -> None:
-        self._injection = copy(self._injection)  # a filter that `without` copied has its own
         noise = self.fitted_options
         self._noise = np.array([noise.noise_mm, noise.noise_mm, noise.noise_rad])
 
@@ -127,8 +123,6 @@ class ParticleFilter(MapFilter):
             scale = rng.choice(len(self.motion.variance), size=count, p=self.motion.prior)
         self._particles = _Particles(letter, uniform_states(count, self.reach, rng), scale)
         self._weights = Weights(np.zeros(count))
-        if self._injection is not None:
-            self._injection.reset()
 
     def measure(self) -> None:
         """Resample, then corrupt with noise (command update), then weigh (measurement update).
@@ -145,8 +139,6 @@ class ParticleFilter(MapFilter):
         self._weights = Weights(self.field.log_p(letter, state, readings - 1))
         self._evaluated += len(letter)
         self._spared += self._most - len(letter)
-        if self._injection is not None:
-            self._injection.follow(self._weights)
 
     def own_estimate(self) -> Estimate:
         """Sum the weights of each letter (eq. 9); find the mode (eq. 12) within the best letter."""
@@ -176,7 +168,7 @@ class ParticleFilter(MapFilter):
         """Count evaluations, a particle in a reading each, since the estimator was made.
 
         skipped: cones, of particles that could not decide the mode. spared_by_kld: particles fewer than the most that
-        `kld_error` took. injected: random particles that replaced others, if there is an injection.
+        `kld_error` took.
         """
         counts: dict[str, Any] = {
             "likelihood_evaluations": self._evaluated,
@@ -184,7 +176,7 @@ class ParticleFilter(MapFilter):
         }
         if self.options.kld_error > 0:
             counts["spared_by_kld"] = self._spared
-        return counts if self._injection is None else {**counts, "injected": self._injected}
+        return counts
 
     @property
     def _most(self) -> int:
@@ -210,15 +202,7 @@ class ParticleFilter(MapFilter):
         """Draw particles with replacement, with probability proportional to their weights, and move them."""
         chosen = np.empty(count, dtype=np.int64)
         draw(chosen, self._weights.relative, self._rng.standard_exponential(count + 1))
-        drawn = self._moved(chosen) if self.motion is None else self._follow(self.motion, chosen)
-        if self._injection is not None:
-            replaced = self._injection.choose(count, self._rng)
-            drawn.letter[replaced] = self.field.alike[
-                self._rng.integers(len(self.labels), size=len(replaced))
-            ]
-            drawn.state[:, replaced] = uniform_states(len(replaced), self.reach, self._rng)
-            self._injected += len(replaced)
-        return drawn
+        return self._moved(chosen) if self.motion is None else self._follow(self.motion, chosen)
 
     def _moved(self, chosen: NDArray[np.int64]) -> _Particles:
         """Copy the chosen particles with the noise of the command update."""
@@ -245,37 +229,6 @@ class ParticleFilter(MapFilter):
         return _Particles(old.letter[chosen], state, scale)
 
 
-class Injection:
-    """Replace each particle with probability max(0, 1 - w_fast / w_slow).
-
-    w_slow and w_fast follow the mean weight, with the decays `alpha_slow` and `alpha_fast`; both are kept as logs.
-    """
-
-    def __init__(self, alpha_slow: float, alpha_fast: float) -> None:
-        self._alpha_slow, self._alpha_fast = alpha_slow, alpha_fast
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the means."""
-        self._log_slow = self._log_fast = -math.inf
-
-    def follow(self, weights: Weights) -> None:
-        """Move both means towards the mean of these weights, which must not have lost a common factor."""
-        self._log_slow = _mix(self._log_slow, weights.log_mean, self._alpha_slow)
-        self._log_fast = _mix(self._log_fast, weights.log_mean, self._alpha_fast)
-
-    def choose(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-        """Choose which of `count` particles are to be replaced: their indices."""
-        share = max(0.0, -math.expm1(min(0.0, self._log_fast - self._log_slow)))
-        return np.flatnonzero(rng.random(count) < share) if share > 0 else np.empty(0, dtype=np.intp)
-
-
-def _mix(log_mean: float, log_value: float, share: float) -> float:
-    """Move a mean by a share towards a value, both in logs; a mean of nothing has log -inf."""
-    stay = math.log1p(-share) if share < 1 else -math.inf
-    return float(np.logaddexp(stay + log_mean, math.log(share) + log_value))
-
-
 class AugmentedOptions(ParticleOptions):
     """Options of augmented Monte Carlo localisation."""
 
@@ -284,9 +237,14 @@ class AugmentedOptions(ParticleOptions):
 
 
 class AugmentedFilter(ParticleFilter):
-    """Augmented MCL (paper, ref. [23]): the particle filter with `Injection`."""
+    """Augmented MCL (paper, ref. [23]): the particle filter, with random particles in the place of some.
+
+    Each particle is replaced with probability max(0, 1 - w_fast / w_slow). w_slow and w_fast follow the mean weight,
+    with the decays `alpha_slow` and `alpha_fast`; both are kept as logs.
+    """
 
     options_type: type[Options] = AugmentedOptions
+    options: AugmentedOptions
 
     def __init__(self, options: AugmentedOptions) -> None:
         if options.alpha_slow > options.alpha_fast:
@@ -294,4 +252,38 @@ class AugmentedFilter(ParticleFilter):
                 f"alpha_slow {options.alpha_slow} is above alpha_fast {options.alpha_fast}; "
                 "the slow mean must be the slower one"
             )
-        super().__init__(options, Injection(options.alpha_slow, options.alpha_fast))
+        super().__init__(options)
+        self._injected = 0
+
+    def _reset(self, rng: np.random.Generator) -> None:
+        super()._reset(rng)
+        self._log_slow = self._log_fast = -math.inf
+
+    def measure(self) -> None:
+        """Do as the particle filter does, then move both means towards the mean weight."""
+        super().measure()
+        # These weights have not lost a common factor.
+        self._log_slow = _mix(self._log_slow, self._weights.log_mean, self.options.alpha_slow)
+        self._log_fast = _mix(self._log_fast, self._weights.log_mean, self.options.alpha_fast)
+
+    def _draw(self, count: int) -> _Particles:
+        """Draw particles, and replace some of them."""
+        drawn = super()._draw(count)
+        share = max(0.0, -math.expm1(min(0.0, self._log_fast - self._log_slow)))
+        if share > 0:
+            replaced = np.flatnonzero(self._rng.random(count) < share)
+            letter = self._rng.integers(len(self.labels), size=len(replaced))
+            drawn.letter[replaced] = self.field.alike[letter]
+            drawn.state[:, replaced] = uniform_states(len(replaced), self.reach, self._rng)
+            self._injected += len(replaced)
+        return drawn
+
+    def _own_work(self) -> dict[str, Any]:
+        """Count as the particle filter does, and `injected`: random particles that replaced others."""
+        return {**super()._own_work(), "injected": self._injected}
+
+
+def _mix(log_mean: float, log_value: float, share: float) -> float:
+    """Move a mean by a share towards a value, both in logs; a mean of nothing has log -inf."""
+    stay = math.log1p(-share) if share < 1 else -math.inf
+    return float(np.logaddexp(stay + log_mean, math.log(share) + log_value))

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types
+from numba import boolean, float64, types
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS_2D, INTS, REALS, REALS_2D, Floats, Reals, compiled
+from tactsim.core.compiling import FLOATS_2D, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
 from tactsim.core.forward import ForwardModel, Linearised
 from tactsim.core.poses import FloatArray
 
@@ -29,26 +29,6 @@ class Places(NamedTuple):
     turned: NDArray[np.bool_]
     state: FloatArray
     score: FloatArray
-
-
-PLACES = types.NamedTuple((INTS, boolean[::1], REALS_2D, REALS), Places)
-
-
-class Densities(NamedTuple):
-    """The normal density of a reading at each pose of a bank, its errors independent and alike over the taxels.
-
-    mean: (m * k, taxels) kPa. precision: (m * k,) 1 / variance. log_height: (m * k,) the log-density at the mean, less
-    a constant. xy: (k, 2) mm, angle: (m,) rad, as in `PoseBank`.
-    """
-
-    mean: Floats
-    precision: Reals
-    log_height: Reals
-    xy: Reals
-    angle: Reals
-
-
-DENSITIES = types.NamedTuple((FLOATS_2D, REALS, REALS, REALS_2D, REALS), Densities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +95,10 @@ class PoseBank:
         The score takes errors for independent and alike over the taxels.
         """
         both = np.stack([reading, reading[::-1]][: self.turns]).astype(np.float32)
-        room = self.turns * len(self.mean)
-        places = Places(
-            np.empty(room, dtype=np.int64), np.empty(room, dtype=bool), np.empty((room, 3)), np.empty(room)
+        scored = score_places(
+            self.mean, 1 / self.variance, -self._log_det, self.xy, self.angle, both, sensor_in_robot, reach
         )
-        densities = Densities(self.mean, 1 / self.variance, -self._log_det, self.xy, self.angle)
-        count = score_places(densities, both, sensor_in_robot, reach, places)
-        return Places(places.entry[:count], places.turned[:count], places.state[:count], places.score[:count])
+        return Places(*scored)
 
     def predicted(self, entry: NDArray[np.int64], turned: NDArray[np.bool_]) -> Linearised:
         """Give the predictions (n, ...) of entries, the pad turned or not."""
@@ -175,39 +152,45 @@ def _spread(predicted: Linearised, spacing: FloatArray, noise: float) -> FloatAr
     return noise**2 + spread / predicted.mean.shape[1]
 
 
-@compiled(int64(DENSITIES, FLOATS_2D, REALS, float64, PLACES))
+@compiled(
+    types.Tuple((INTS, boolean[::1], REALS_2D, REALS))(
+        FLOATS_2D, REALS, REALS, REALS_2D, REALS, FLOATS_2D, REALS, float64
+    )
+)
 def score_places(
-    bank: Densities, reading: Floats, sensor_in_robot: Reals, reach: float, places: Places
-) -> int:
-    """Score the poses of a bank at which T_R^O has x and y within `reach` mm; returns how many there are.
+    mean: Floats, precision: Reals, log_height: Reals, xy: Reals, angle: Reals,
+    reading: Floats, sensor_in_robot: Reals, reach: float,
+) -> tuple[Ints, NDArray[np.bool_], Reals, Reals]:  # fmt: skip
+    """Score the poses of a bank at which T_R^O has x and y within `reach` mm, as `Places`.
 
-    reading: (turns, taxels) kPa, as it is and as a pad turned on itself reads it. places: room for turns * m * k,
-    filled from the front.
+    The density of a reading at each pose is normal, its errors independent and alike over the taxels. mean: (m * k,
+    taxels) kPa. precision: (m * k,) 1 / variance. log_height: (m * k,) the log-density at the mean, less a constant.
+    xy: (k, 2) mm, angle: (m,) rad, as in `PoseBank`. reading: (turns, taxels) kPa, as it is and as a pad turned on
+    itself reads it.
     """
-    count, taxels = 0, bank.mean.shape[1]
+    count, taxels = 0, mean.shape[1]
     turns = len(reading)
+    room = turns * len(mean)
+    entry, turned = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.bool_)
+    state, score = np.empty((room, 3)), np.empty(room)
     for t in range(turns):
         z = reading[t]
-        for a in range(len(bank.angle)):
-            theta = bank.angle[a] + t * 2 * math.pi / turns - sensor_in_robot[2]
+        for a in range(len(angle)):
+            theta = angle[a] + t * 2 * math.pi / turns - sensor_in_robot[2]
             cos, sin = math.cos(theta), math.sin(theta)
             x = cos * sensor_in_robot[0] - sin * sensor_in_robot[1]
             y = sin * sensor_in_robot[0] + cos * sensor_in_robot[1]
-            for k in range(len(bank.xy)):
-                state_x, state_y = bank.xy[k, 0] - x, bank.xy[k, 1] - y
+            for k in range(len(xy)):
+                state_x, state_y = xy[k, 0] - x, xy[k, 1] - y
                 if abs(state_x) > reach or abs(state_y) > reach:
                     continue
-                i = a * len(bank.xy) + k
+                i = a * len(xy) + k
                 away = np.float32(0)
                 for s in range(taxels):
-                    apart = z[s] - bank.mean[i, s]
+                    apart = z[s] - mean[i, s]
                     away += apart * apart
-                places.entry[count], places.turned[count] = i, t > 0
-                places.state[count, 0], places.state[count, 1], places.state[count, 2] = (
-                    state_x,
-                    state_y,
-                    theta,
-                )
-                places.score[count] = bank.log_height[i] - 0.5 * bank.precision[i] * away
+                entry[count], turned[count] = i, t > 0
+                state[count, 0], state[count, 1], state[count, 2] = state_x, state_y, theta
+                score[count] = log_height[i] - 0.5 * precision[i] * away
                 count += 1
-    return count
+    return entry[:count], turned[:count], state[:count], score[:count]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ class ReadingClassifier(Estimator):
     Poses are not looked at, so nothing is said of where the object lies: the pose is always the middle of the prior,
     0, 0, 0, which has the least expected squared error while nothing is known.
 
-    labels: the letters. taxels: of a reading. Both are set by `fit`.
+    labels: the letters. taxels: of a reading. Both are set by `fit`. _evaluated: what `work` counts.
     """
 
     draws = False
@@ -28,6 +29,7 @@ class ReadingClassifier(Estimator):
         self.labels: tuple[str, ...] = ()
         self.taxels = 0
         self._started = False
+        self._evaluated = 0
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
@@ -46,6 +48,11 @@ class ReadingClassifier(Estimator):
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
         p = np.exp(self._sum - self._sum.max())
         return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count what readings were compared with, or how often a classifier was asked."""
+        return {"likelihood_evaluations": self._evaluated, "skipped": {}}
 
     @abstractmethod
     def _log_p_of(self, reading: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
-from tactsim.estimators.filters.binned import BinnedBelief, Certificate
+from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import Cells, History, Limits, bins_of, blank_halved, held, refine
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
@@ -167,21 +167,10 @@ class RefinedFilter(GridFilter):
             unexplained=self._unexplained,
         )
 
-    def certificate(self) -> Certificate:
-        """Give the best of all coarse bins of all letters, and how far above those that were left alone it is."""
-        return self._coarse.certificate()
-
     def own_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""
         cells, weights = self._belief_in_cells()
         return WeightedStates(cells.letter, cells.states, weights, cells.size)
-
-    def log_evidence(self) -> FloatArray:
-        """Sum what the cells of each letter hold; the prior of a letter's bins is 1 in all."""
-        cells, weights = self._belief_in_cells()
-        mass = letter_mass(cells.letter, weights, len(self.labels))
-        with np.errstate(divide="ignore"):
-            return np.log(mass) + weights.log.max() + self._highest - math.log(self.grid.bins)
 
     def _own_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
@@ -230,7 +219,7 @@ class RefinedFilter(GridFilter):
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
         end, cell, log_p = self._leaves
-        times, index, log_weight, self._highest = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
+        times, index, log_weight = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
         return Cells(self.grid, times, index), Weights(log_weight)
 
 

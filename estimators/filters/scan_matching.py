@@ -14,7 +14,6 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options
 from tactsim.estimators.field.kernels import Sampled, replay
 from tactsim.estimators.field.tables import Tables
-from tactsim.estimators.filters.binned import Certificate
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
 from tactsim.estimators.options import MODELS, FilterOptions
@@ -37,6 +36,19 @@ class Level:
 
     side: int
     sampled: Sampled
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """The best bin of a grid, whichever letter's, and the proof that it is.
+
+    label: its letter. robot_in_object: its middle, [x, y, theta]. lead: nats that it is above the upper bound of
+    every bin that was left alone, infinite if none was. It is not negative: no bin of the grid is better.
+    """
+
+    label: str
+    robot_in_object: FloatArray
+    lead: float
 
 
 class ScanMatchingOptions(FilterOptions):
@@ -163,14 +175,6 @@ class ScanMatching(GridFilter):
         """Compare the letters by their best poses."""
         best, p = self.likeliest(np.exp(self._scores - self._scores.max()))
         return Estimate(self.labels[best], probabilities(self.labels, p), self._states()[:, best])
-
-    @property
-    def scores(self) -> dict[str, float]:
-        """Give the log-likelihood of all readings so far at the best pose of each letter, nats.
-
-        Of a letter that is 50 nats behind the best it is that of the best pose that was met.
-        """
-        return dict(zip(self.labels, self._scores.tolist(), strict=True))
 
     def certificate(self) -> Certificate:
         """Give the best bin, and how far below it the bins that were left alone are at least.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -47,10 +45,6 @@ class Spectrum(ReadingClassifier):
 
     options_type = SpectrumOptions
     options: SpectrumOptions
-
-    def __init__(self, options: SpectrumOptions) -> None:
-        super().__init__(options)
-        self._named = 0
 
     def fit(self, scan: Scan) -> None:
         """Learn the classifier from the training readings, and its temperature from those of left-out presses."""
@@ -122,13 +116,8 @@ class Spectrum(ReadingClassifier):
     def _log_p_of(self, reading: FloatArray) -> FloatArray:
         features = (self._features(reading[None]) - self._mean) / self._spread
         scores = (features @ self._weights[:-1] + self._weights[-1]) / self.temperature
-        self._named += 1
+        self._evaluated += 1
         return _with_outliers(_log_softmax(scores))[0]
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count the readings that the classifier was asked about."""
-        return {"likelihood_evaluations": self._named, "skipped": {}}
 
 
 def _waves(taxel_xy: FloatArray) -> NDArray[np.complex128]:

@@ -336,10 +336,6 @@ class Synthesis(Estimator):
         assert self._modes is not None
         return float(np.logaddexp.reduce(self._modes.log_weight))
 
-    def weighted_states(self) -> WeightedStates:
-        """Give the belief as weighted states."""
-        return self.own_states() if self.moving is None else self.moving.weighted_states()
-
     def own_states(self) -> WeightedStates:
         """Give the belief as states that are drawn from the modes, the same every time, equally many of each."""
         if self._modes is None:
@@ -353,17 +349,13 @@ class Synthesis(Estimator):
         states = modes.mean[which] + np.einsum("nij,nj->ni", np.linalg.cholesky(modes.cov)[which], normal)
         return WeightedStates(modes.letter[which], states.T, Weights(modes.log_weight[which]))
 
-    def path(self, estimate: Estimate) -> FloatArray:
-        """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate."""
-        if self.moving is not None:
-            return self.moving.path(estimate)
-        return np.tile(estimate.robot_in_object, (self.touches, 1))
-
     def belief_over_plane(self) -> PlaneBelief | None:
         """Count the states of an object that may move in cells of about 1 mm; None for one that lies still."""
         if self.moving is None:
             return None
-        return self.frames.plane_back(plane_histogram(self.labels, self.weighted_states(), self._reach))
+        return self.frames.plane_back(
+            plane_histogram(self.labels, self.moving.weighted_states(), self._reach)
+        )
 
     @property
     def work(self) -> dict[str, Any]:

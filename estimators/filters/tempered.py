@@ -47,9 +47,7 @@ class TemperedOptions(OpenSetOptions):
     survivors: float = Field(
         0.5, gt=0, lt=1, description="share of a population that must stay effective: sets the temperature"
     )
-    skip: bool = Field(
-        True, description="do not move the particles of letters that cannot matter or are like another"
-    )
+    skip: bool = Field(True, description="do not move the particles of letters that cannot matter")
 
 
 @dataclass(eq=False)
@@ -93,7 +91,7 @@ class TemperedFilter(MapFilter):
     resampling; its evidence is the product of the mean weights on the way.
 
     All letters draw the same numbers. So letters that are hard to tell apart have much the same error of their
-    evidence, and those whose tables are equal have the same evidence to the bit: one population does for all of them.
+    evidence, and those whose tables are equal have the same evidence to the bit.
     """
 
     options_type: type[Options] = TemperedOptions
@@ -102,31 +100,23 @@ class TemperedFilter(MapFilter):
 
     def __init__(self, options: TemperedOptions) -> None:
         super().__init__(options)
-        self._evaluated = self._unmoved = self._unrepeated = 0
+        self._evaluated = self._unmoved = 0
 
     def _fit(self) -> None:
         self._each = max(1, self.options.particles // len(self.labels))
 
     def _reset(self, rng: np.random.Generator) -> None:
-        """Spread every letter's population over the poses, uniformly; letters that are alike share one."""
+        """Spread every letter's population over the poses, uniformly."""
         own = rng.spawn(1)[0]
-        populations = [self._population(deepcopy(own)) for _ in self.labels]
-        alike = self._first_alike()
-        self._populations = [populations[letter] for letter in alike.tolist()]
-        self._distinct = np.flatnonzero(alike == np.arange(len(alike))).tolist()
-        self._copies = np.bincount(alike, minlength=len(alike)) - 1
+        self._populations = [self._population(deepcopy(own)) for _ in self.labels]
 
     def _population(self, own: np.random.Generator) -> _Population:
         state = uniform_states(self._each, self.reach, own)
         return _Population(own, state, np.zeros(self._each), Weights(np.zeros(self._each)))
 
-    def _first_alike(self) -> NDArray[np.int64]:
-        """Give each letter's hypothesis, the letter itself without `skip`."""
-        return self.field.alike if self.options.skip else np.arange(len(self.labels))
-
     def measure(self) -> None:
         """Weigh every particle and choose each letter's b; resample and move the letters that need it."""
-        tired = [letter for letter in self._distinct if self._weigh_in(letter)]
+        tired = [letter for letter in range(len(self.labels)) if self._weigh_in(letter)]
         log_total = np.array([population.log_total for population in self._populations])
         hopeless = log_total < log_total.max() - _HOPELESS
         for letter in tired:
@@ -155,13 +145,9 @@ class TemperedFilter(MapFilter):
             Weights(np.concatenate([one.log_evidence + one.rest.log for one in self._populations])),
         )
 
-    def log_evidence(self) -> FloatArray:
-        """Give each letter's evidence: its prior is 1 over the poses within reach."""
-        return np.array([population.log_total for population in self._populations])
-
     def _own_work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, made and skipped since the estimator was made."""
-        skipped = {"moves": self._unmoved, "alike": self._unrepeated}
+        skipped = {"moves": self._unmoved}
         return {"likelihood_evaluations": self._evaluated, "skipped": skipped}
 
     def _weigh_in(self, letter: int) -> bool:
@@ -169,7 +155,7 @@ class TemperedFilter(MapFilter):
         one, readings = self._populations[letter], len(self.field)
         start = one.untempered
         one.log_p = one.log_p + self.field.log_p(letter, one.state, readings - 1)
-        self._count(letter, self._each)
+        self._evaluated += self._each
         return self._temper(one, start)
 
     def _temper(self, one: _Population, start: FloatArray) -> bool:
@@ -204,14 +190,9 @@ class TemperedFilter(MapFilter):
         step *= one.rng.choice(_STRIDES, size=count)
         proposed = one.state + step + one.rng.standard_normal(step.shape) * _JITTER
         log_p = self.field.log_p(letter, proposed)
-        self._count(letter, count * len(self.field))
+        self._evaluated += count * len(self.field)
         within = np.abs(proposed[:2]).max(axis=0) <= self.reach
         likelier: NDArray[np.bool_] = np.log(one.rng.random(count)) < one.power * (log_p - one.log_p)
         accepted = within & likelier
         one.state = np.where(accepted, proposed, one.state)
         one.log_p = np.where(accepted, log_p, one.log_p)
-
-    def _count(self, letter: int, evaluations: int) -> None:
-        """Count what was evaluated, and what the letters alike to this one were spared."""
-        self._evaluated += evaluations
-        self._unrepeated += evaluations * int(self._copies[letter])

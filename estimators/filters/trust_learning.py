@@ -1,9 +1,7 @@
 """How much the readings of a sequence count (`trust`), learned from training readings left out of the maps.
 
-A likelihood multiplies the taxels of a reading as if they erred independently. They do not: neighbours share the error
-of the press's place and of the map, so that a posterior is too narrow. Here the log-likelihood of a sequence is given a
-weight (a composite likelihood: Pauli, Racugno and Ventura 2011). It is the one with which regions that hold 90 % of the
-belief hold the truth in 90 % of sequences of left-out training readings.
+The weight is the one with which regions that hold 90 % of the belief hold the truth in 90 % of sequences of left-out
+training readings.
 
 Readings at new places err independently, but left-out training readings do not: those at one position miss the same
 press, and all of them together agree with the maps, which are their mean. So each reading of a sequence is mirrored, or

@@ -14,7 +14,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify, threshold_of
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds, log_odds_of
 
 _CLASSES = UNKNOWN + 1
@@ -89,11 +89,6 @@ class CalibratedLikelihood(Likelihood):
     def classes(self, readings: ArrayLike) -> NDArray[np.int8]:
         """Classify the taxels of readings (..., taxels) kPa, with T and the ratio of the options."""
         return classify(readings, self.threshold, self.options.ratio)
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps with their frame of cells at the prior."""
-        return covered(self.maps)
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate log p of the three classes at xy: (3, ...)."""

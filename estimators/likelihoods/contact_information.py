@@ -58,7 +58,7 @@ def pressure_information(scan: Scan, options: LikelihoodOptions) -> float:
     train = scan.where("train")
     maps = learn_maps_by(options, scan)
     model = ForceLikelihood(options)
-    predicted, relative = model.fit_mosaics(train, maps)
+    predicted, relative, _, _ = model.fit_mosaics(train, maps)
     counted = _counted([touched_elsewhere(train, by_letter(folds, train))])
     return mutual_information(_binned(predicted[counted], _PREDICTED), _binned(relative[counted], _FELT))
 

@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
 from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
@@ -52,23 +52,19 @@ class ForceLikelihood(Likelihood):
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
         train = scan.where("train")
-        predicted, relative, slope, scale = self._fit_mosaics(train, maps)
+        predicted, relative, slope, scale = self.fit_mosaics(train, maps)
         # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.
         counted = touched_elsewhere(train, by_letter(folds, train))
         self._calibrate(scale, relative, predicted, slope, counted)
 
-    def fit_mosaics(self, train: Scan, maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
-        """Learn gains and mosaics from training readings (n, taxels), and not yet how far readings deviate.
-
-        Returns relative pressures as they are predicted without the presses at their positions, and as they are.
-        """
-        predicted, relative, _, _ = self._fit_mosaics(train, maps)
-        return predicted, relative
-
-    def _fit_mosaics(
+    def fit_mosaics(
         self, train: Scan, maps: Mapping[str, OccupancyMap]
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Learn gains and mosaics: left-out predictions, relative pressures, squared slopes and scales (n,)."""
+        """Learn gains and mosaics from training readings (n, taxels), and not yet how far readings deviate.
+
+        Returns relative pressures as predicted without the presses at their positions, and as they are, the squared
+        slopes of the predictions, (n, taxels) each, and scales (n,).
+        """
         self.maps = maps
         self.gain = np.ones(len(train.taxel_xy))
         self.least = max(float(np.median(lehmer_mean(train.readings))) / 2, _LEAST_SCALE)
@@ -188,11 +184,6 @@ class ForceLikelihood(Likelihood):
         even = np.where(self.gain > _DEAD, readings / np.maximum(self.gain, _DEAD), 0.0)
         scale = np.maximum(lehmer_mean(even), self.least)
         return scale, even / scale[..., None]
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps with their frame of cells at the prior."""
-        return covered(self.maps)
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate the log density at every level, class after class of scales: (tables, ...)."""

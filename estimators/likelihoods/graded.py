@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, steepness
 from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 # Shares of a reading's scale between which the grades lie. The lowest is about what noise reads in a usual press.
@@ -79,11 +79,6 @@ class GradedLikelihood(Likelihood):
         rest = copy(self)
         rest.maps = self._classes.without(train, gone, labels, whole_positions).maps
         return rest
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps with their frame of cells at the prior."""
-        return covered(self.maps)
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate log p of every grade, class after class of scales: (tables, ...)."""

@@ -68,13 +68,15 @@ class Evidence:
 
 
 class Likelihood(ABC):
-    """A measurement model. A subclass implements `fit`, `log_tables`, `evidence` and `extent`.
+    """A measurement model. A subclass implements `fit`, `log_tables` and `evidence`.
 
     It is registered in `LIKELIHOODS`; `create` makes it by name. of_pressures: whether its tables are of pressures
-    rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not.
+    rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not. maps: by
+    letter, as `fit` was given them.
     """
 
     of_pressures: ClassVar[bool] = False
+    maps: Mapping[str, OccupancyMap]
     # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.
     loads: int = 1
 
@@ -86,9 +88,17 @@ class Likelihood(ABC):
         """Learn from the maps and, where it needs more, from the scan's training readings."""
 
     @property
-    @abstractmethod
     def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the lower left and upper right corner [x, y] mm beyond which tables are constant."""
+        """Give the lower left and upper right corner [x, y] mm beyond which tables are constant.
+
+        Beyond the maps and a frame of cells at the prior around them every map interpolates to its prior alone.
+        """
+        charts = self.maps.values()
+        low = np.min([chart.origin - chart.cell for chart in charts], axis=0)
+        high = np.max(
+            [chart.origin + chart.cell * np.array(chart.log_odds.shape[::-1]) for chart in charts], axis=0
+        )
+        return low, high
 
     @abstractmethod
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
@@ -150,12 +160,3 @@ def kind_of(name: str) -> type[Likelihood]:
     module, kind = LIKELIHOODS[name]
     found: type[Likelihood] = getattr(import_module(f"tactsim.estimators.likelihoods.{module}"), kind)
     return found
-
-
-def covered(maps: Mapping[str, OccupancyMap]) -> tuple[FloatArray, FloatArray]:
-    """Give the corners [x, y] mm beyond which every map interpolates to its prior alone."""
-    low = np.min([chart.origin - chart.cell for chart in maps.values()], axis=0)
-    high = np.max(
-        [chart.origin + chart.cell * np.array(chart.log_odds.shape[::-1]) for chart in maps.values()], axis=0
-    )
-    return low, high

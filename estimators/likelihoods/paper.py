@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, covered
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
 
 
@@ -21,11 +21,6 @@ class PaperLikelihood(Likelihood):
         """Keep the maps; eq. 7 has nothing to learn."""
         self.maps = maps
         self._threshold = threshold_of(self.options.threshold, scan.where("train").readings)
-
-    @property
-    def extent(self) -> tuple[FloatArray, FloatArray]:
-        """Give the corners of the maps with their frame of cells at the prior."""
-        return covered(self.maps)
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate log p(No Contact | xy) and log p(In Contact | xy) of eq. 7: (2, ...).

@@ -31,8 +31,8 @@ def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan
     plain.fit(units.scan(ours))
     assert plain.pad_fit is None
     readings, poses, _ = draw_trial(ours, "L", 4, np.random.default_rng(1))
-    brought = [units.bring(reading, pose) for reading, pose in zip(readings, poses, strict=True)]
-    expected = follow(plain, *zip(*brought, strict=True))
+    brought = units.readings(readings), units.poses(poses)
+    expected = follow(plain, *brought)
     for known, other in zip(follow(fitted, readings, poses), expected, strict=True):
         assert known.probabilities == other.probabilities
         assert known.robot_in_object.tobytes() == (other.robot_in_object * back).tobytes()
