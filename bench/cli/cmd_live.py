@@ -74,11 +74,11 @@ def command(
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.terminal import progress_bars
+    from tactsim.bench.watching.belief_words import BeliefWords
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
     from tactsim.bench.watching.pressed_source import HiddenObject, open_pressed
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
-    from tactsim.bench.watching.told import Told
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
     from tactsim.core.errors import InputError
@@ -111,17 +111,17 @@ def command(
             progress("map", 1, 1)
         hand = source if isinstance(source, HiddenObject) else None
         leading = TouchLeader(recogniser, plan, source.pad, "information" if ask else "random", seed, hand)
-        told = Told(leading, train, maps_of(made), source, from_behind)
+        words = BeliefWords(leading, train, maps_of(made), source, from_behind)
         reader.on_reading, reader.on_tare = leading.take, leading.tared
         page = None
         if web:
             page = WebPage(
-                reader, web_port, from_behind=from_behind, about=told.about(), more=told.event,
+                reader, web_port, from_behind=from_behind, about=words.about(), more=words.event,
                 commands=leading.commands(),
             )  # fmt: skip
         with page or nullcontext(), leading:
             url = None if page is None else page.url
-            live(reader, told, console, readings=readings, as_json=as_json, page=url)
+            live(reader, words, console, readings=readings, as_json=as_json, page=url)
         reader.check()
         if leading.error is not None:
             raise leading.error

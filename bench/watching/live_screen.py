@@ -10,8 +10,8 @@ from collections.abc import Callable
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
+from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.pad_view import PadReader, PadView
-from tactsim.bench.watching.told import Told
 from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state_text
 from tactsim.core.errors import printable
@@ -22,7 +22,13 @@ _KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
 
 
 def live(
-    reader: PadReader, told: Told, console: Console, *, readings: int | None, as_json: bool, page: str | None
+    reader: PadReader,
+    words: BeliefWords,
+    console: Console,
+    *,
+    readings: int | None,
+    as_json: bool,
+    page: str | None,
 ) -> None:
     """Show what is believed until q, Ctrl-C, the end of the source, or `readings` touches.
 
@@ -32,51 +38,53 @@ def live(
     on_terminal = console.is_terminal and not as_json
 
     def over(view: PadView) -> bool:
-        failed = reader.error is not None or told.leading.error is not None
-        now = told.leading.view()
+        failed = reader.error is not None or words.leading.error is not None
+        now = words.leading.view()
         enough = readings is not None and len(now.belief.touches) >= readings
         ended = view.state == "ended" or (now.tried and not on_terminal)
-        return failed or enough or (ended and page is None and told.leading.idle())
+        return failed or enough or (ended and page is None and words.leading.idle())
 
     try:
         if page is not None:
             console.print(page)
         if on_terminal:
             show(
-                reader, console, over, lambda view: _screen(view, reader, told, console, page),
-                lambda key, _: _obey(key, told),
+                reader, console, over, lambda view: _screen(view, reader, words, console, page),
+                lambda key, _: _obey(key, words),
             )  # fmt: skip
         else:
-            _in_lines(reader, told, console, as_json, over)
+            _in_lines(reader, words, console, as_json, over)
     except KeyboardInterrupt:
         pass
     if on_terminal:
-        console.print(Text(printable(told.line(told.leading.view().belief))))
-    if told.leading.recogniser.delays:
-        console.print(Text(told.latency()), soft_wrap=True)
+        console.print(Text(printable(words.line(words.leading.view().belief))))
+    if words.leading.recogniser.delays:
+        console.print(Text(words.latency()), soft_wrap=True)
 
 
-def _obey(key: str, told: Told) -> None:
-    command = told.leading.commands().get(_COMMANDS.get(key, ""))
+def _obey(key: str, words: BeliefWords) -> None:
+    command = words.leading.commands().get(_COMMANDS.get(key, ""))
     if command is not None:
         command()
 
 
-def _screen(view: PadView, reader: PadReader, told: Told, console: Console, page: str | None) -> Group:
+def _screen(
+    view: PadView, reader: PadReader, words: BeliefWords, console: Console, page: str | None
+) -> Group:
     colours = console.color_system is not None and not console.no_color
     width, height = console.size
-    now = told.leading.view()
+    now = words.leading.view()
     lines: list[RenderableType] = [
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks(view, now),
-        Text(told.where(now), "bold"),
+        Text(words.where(now), "bold"),
         Text(
             printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
         ),
         *pad_lines(
-            view, reader, width=width - 1, height=height - 9, from_behind=told.from_behind, colours=colours
+            view, reader, width=width - 1, height=height - 9, from_behind=words.from_behind, colours=colours
         ),
-        Text(printable(told.line(now.belief)), "bold"),
+        Text(printable(words.line(now.belief)), "bold"),
         Text(_KEYS, "dim", no_wrap=True),
     ]
     return Group(*lines)
@@ -93,7 +101,7 @@ def asks(view: PadView, now: LiveView) -> Text:
 
 
 def _in_lines(
-    reader: PadReader, told: Told, console: Console, as_json: bool, over: Callable[[PadView], bool]
+    reader: PadReader, words: BeliefWords, console: Console, as_json: bool, over: Callable[[PadView], bool]
 ) -> None:
     """Say each touch once, where the next is asked for, and each trouble at most once a second."""
     said, trouble, spoke = 0, "", 0.0
@@ -101,21 +109,21 @@ def _in_lines(
 
     def say_new() -> None:
         nonlocal said
-        for belief in told.leading.beliefs[said:]:
+        for belief in words.leading.beliefs[said:]:
             said += 1
             if as_json:
-                sys.stdout.write(json.dumps(told.json_of(belief), allow_nan=False) + "\n")
+                sys.stdout.write(json.dumps(words.json_of(belief), allow_nan=False) + "\n")
                 sys.stdout.flush()
             else:
-                console.print(Text(printable(told.line(belief))), soft_wrap=True)
+                console.print(Text(printable(words.line(belief))), soft_wrap=True)
 
     view = reader.view()
     while not over(view):
         say_new()
-        now = told.leading.view()
+        now = words.leading.view()
         if now.asked is not None and now.asked is not asked:
             asked = now.asked
-            print(told.where(now), file=sys.stderr)
+            print(words.where(now), file=sys.stderr)
         wrong = view.trouble or now.message
         if wrong and wrong != trouble and time.monotonic() - spoke >= 1.0:
             trouble, spoke = wrong, time.monotonic()

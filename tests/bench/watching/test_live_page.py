@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from browser import browser, expect, needs_browser
 
+from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.pad_view import PadReader
 from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
-from tactsim.bench.watching.told import Told
 from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.bench.watching.web import WebPage
 from tactsim.core import Scan
@@ -28,10 +28,10 @@ def served(device, scan_file):
     hidden = HiddenObject(letter("I"), place, np.array(POSES), device, 0)
     plan = Plan(label="live", poses=POSES, frames=5, window=5, patience=1.0, touch_kpa=10.0)
     leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
-    told = Told(leading, train, estimator.maps, hidden, from_behind=True)
+    words = BeliefWords(leading, train, estimator.maps, hidden, from_behind=True)
     reader = PadReader(hidden, device, "here", on_reading=leading.take)
     page = WebPage(
-        reader, 0, from_behind=True, about=told.about(), more=told.event, commands=leading.commands()
+        reader, 0, from_behind=True, about=words.about(), more=words.event, commands=leading.commands()
     )
     with leading, reader, page:
         yield page.url, leading

@@ -24,7 +24,7 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.hardware.terminal_pictures import where
 
 
-class Told:
+class BeliefWords:
     """Put beliefs into words and numbers.
 
     hidden: what is pressed, if that is simulated. outlines: by letter its contours, (k, 2) mm each, in its own frame.
