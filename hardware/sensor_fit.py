@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.gain_fit import best_gain, shrunk_gains
-from tactsim.hardware.guessed_press import (
+from tactsim.hardware.press_errors import PressErrors
+from tactsim.hardware.press_fit import (
+    BELIEVED,
     BLUNTEST,
+    CONFIDENT,
     LEAN,
     LOAD,
     NARROWEST,
+    ROUNDS,
     SOFTEST,
     STEEPEST_RESPONSE,
     STIFFEST,
@@ -24,11 +28,11 @@ from tactsim.hardware.guessed_press import (
     WIDEST,
     Guess,
     Predict,
+    PressFit,
     State,
+    known,
+    shape,
 )
-from tactsim.hardware.held_out import held_out
-from tactsim.hardware.press_errors import PressErrors
-from tactsim.hardware.press_fit import BELIEVED, CONFIDENT, ROUNDS, PressFit, known
 from tactsim.hardware.taxel_error import untouched
 from tactsim.hardware.texture_fit import stray_contacts, unevenness
 
@@ -193,7 +197,7 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
         low, high = 0.0, np.inf
     softest, stiffest = _stiffness_range(fit, state, variance)
     gain = best_gain(fit.recorded, state.relative * predicted)
-    apart, placed = held_out(fit, state)
+    apart, placed = _held_out(fit, state)
     noise = noise_of(left[rested], predicted[rested])
     unseen = _left_out(fit, state)
     own, texture = unevenness(fit.recorded, unseen, fit.fold, noise)
@@ -248,13 +252,54 @@ def _summary(fit: PressFit, state: State, unit: float) -> SensorFit:
     )
 
 
+def _held_out(fit: PressFit, state: State) -> tuple[FloatArray, FloatArray]:
+    """Predict readings (n, taxels), each of the fit's groups of presses by the numbers that fit the others best.
+
+    Gains of taxels, and all numbers that presses share, are fitted to the other groups, linearised about the whole fit.
+    First each press is where it is stated, but for the mean by which the others are off; then it is where its own
+    reading puts it.
+    """
+    leans, yields = shape(state)
+    predicted, _, gain, variance = fit.residual(state)
+    predicted = np.nan_to_num(predicted)
+    round_ = fit.linearised(state, variance, leans=leans or yields)
+    found = round_.found(leans, yields)
+    count = len(found.sd)
+    slopes = round_.slopes[..., :count]
+    common = round_.common if yields else round_.common[..., 1:]
+    start = np.zeros(common.shape[2])
+    start[0] = state.give if yields else 0.0
+    information = np.einsum("nti,ntj->nij", slopes, slopes) / variance + np.diag(1 / found.sd**2)
+    apart, placed = np.empty_like(fit.recorded), np.empty_like(fit.recorded)
+    own, seen = found.told
+    for group in np.unique(fit.fold):
+        out = fit.fold == group
+        others = ~out if not out.all() else out
+        shared = np.linalg.lstsq(own[others].sum(axis=0), seen[others].sum(axis=0), rcond=None)[0]
+        mean = found.errors[others].mean(axis=0)
+        relative = np.ones(fit.recorded.shape[1])
+        if state.gains is not None:
+            relative = shrunk_gains(fit.recorded[others], predicted[others], fit.fold[others]).relative
+        gain = best_gain(fit.recorded[others], relative * predicted[others]) * relative
+        moved = common[out] @ (shared - start)
+        off = round_.about[out] - common[out] @ shared
+        told = np.einsum("nti,nt->ni", slopes[out], off) / variance + mean / found.sd**2
+        errors = np.linalg.solve(information[out], told[..., None])[..., 0]
+        step = np.einsum("nti,ni->nt", slopes[out], errors - state.errors[out, :count])
+        placed[out] = gain * predicted[out] + moved + step
+        stated = np.zeros_like(state.errors)
+        stated[:, :count] = mean
+        apart[out] = gain * np.nan_to_num(fit.read(state, errors=stated)[out]) + moved
+    return apart, placed
+
+
 def _left_out(fit: PressFit, state: State) -> FloatArray:
     """Predict readings (n, taxels) of groups of presses that were held out, as a scan of the fitted world would.
 
     Outlines are as drawn; each press lies where its reading puts it.
     """
     as_drawn = replace(fit, outline=np.full(len(fit.recorded), -1))
-    return held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
+    return _held_out(as_drawn, replace(state, grown=np.zeros(0), grown_error=np.zeros(0)))[1]
 
 
 def _interval(value: float, error: float, least: float, most: float) -> tuple[float, float]:
