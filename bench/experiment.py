@@ -63,15 +63,13 @@ NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 class Gathered:
     """The readings of a run, which letters are tried, and what it took to get them.
 
-    cache: whether what else is worked out from the readings may be read from the cache and kept there. solids: what
-    the error needs of each object in space; None in the plane.
+    solids: what the error needs of each object in space; None in the plane.
     """
 
     scan: Scan
     letters: tuple[str, ...]
     work: dict[str, Any]
     seconds: float
-    cache: bool
     solids: Mapping[str, Placement] | None = None
 
 
@@ -252,7 +250,7 @@ def gather(
         scan = scan.with_train_presses(config.train_presses, stream(config.seed, "train_presses"))
     # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
     scan = seen_from(scan, object_origin(scan))
-    return Gathered(scan, letters, work, perf_counter() - start, cache)
+    return Gathered(scan, letters, work, perf_counter() - start)
 
 
 def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
@@ -392,7 +390,7 @@ def _said_in_plane(
         from tactsim.bench.bound.efficiency import bounds_of_trials
 
         bounds, no_bound = bounds_of_trials(
-            scan, trials, config.explore, config.moving, sequences=config.sequences, cache=gathered.cache
+            scan, trials, config.explore, config.moving, sequences=config.sequences
         )
     said: dict[str, Any] = {}
     pad_fit = pad_fit_of(estimator, scan)

@@ -341,15 +341,14 @@ def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
 
 
 def print_bound(found: Bound) -> None:
-    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bounds where readings determine the pose."""
+    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bound where readings determine the pose."""
     console, values = plain_console(), found.as_json()
     console.print("the best possible", style="bold", end="; ")
     console.print(
         f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
         f"seed {values['seed']}"
     )
-    heads = ("readings", "right", "error mm", "bound mm", "trials", "eq. 3 bound mm", "trials")
-    table = plain_table(*heads, words=0)
+    table = plain_table("readings", "right", "error mm", "bound mm", "trials", words=0)
     for reading in _rows(values["readings"], ROWS):
         k = reading - 1
         table.add_row(
@@ -358,15 +357,13 @@ def print_bound(found: Bound) -> None:
             _number(values["bayes_error_mm"][k], 3),
             _number(values["bound_mm"][k], 3),
             f"{values['determined'][k]:.3f}",
-            _number(values["classes_bound_mm"][k], 3),
-            f"{values['classes_determined'][k]:.3f}",
         )
     console.print(table)
     if values["no_bayes"]:
         console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
-        "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, of the pressures and of the three "
-        "classes of eq. 3, over the share `trials` of the trials, those that their readings determine to "
+        "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, over the share `trials` of the "
+        "trials, those that their readings determine to "
         f"{values['determined_below_mm']:.2g} mm; - where these are too few, and the bound is the prior's."
     )
 

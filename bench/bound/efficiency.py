@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
-from tactsim.bench.bound.scan_information import pressed_letters, scan_information, stated_options
+from tactsim.bench.bound.scan_information import pressed_letters, scan_bounds, stated_options
 from tactsim.bench.config import Slip
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
@@ -24,14 +24,13 @@ _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing 
 
 
 def bounds_of_trials(
-    scan: Scan, trials: Trials, explore: str, slip: Slip, *, sequences: bool = False, cache: bool = True
+    scan: Scan, trials: Trials, explore: str, slip: Slip, *, sequences: bool = False
 ) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
     them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
-    sequences: whether the estimator saw several images of each touch. cache: whether what is worked out of the scan may
-    be read from the cache and kept there.
+    sequences: whether the estimator saw several images of each touch.
     """
     if sequences:
         return None, "a bound is of one image of each touch, and the estimator saw several"
@@ -43,7 +42,7 @@ def bounds_of_trials(
         options = stated_options(scan)
         if not all(is_quick(letter, options) for letter in pressed_letters(scan, options).values()):
             return None, "these letters take long to press; `bench bound` works it out"
-        return scan_information(scan, cache=cache).bounds(trials, slip=slip), ""
+        return scan_bounds(scan, trials, slip), ""
     except InputError as error:
         return None, str(error)
 

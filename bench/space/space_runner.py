@@ -40,7 +40,7 @@ def gather_in_space(config: SpaceConfig, *, progress: Progress) -> Gathered:
                 f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
             )
     return Gathered(
-        scan.of_letters(names), names, work, perf_counter() - start, cache=False,
+        scan.of_letters(names), names, work, perf_counter() - start,
         solids={solid.name: Surface.of(solid) for solid in solids},
     )  # fmt: skip
 

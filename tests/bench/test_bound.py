@@ -1,19 +1,14 @@
 """The Cramer-Rao bound where it is known in closed form, by enumeration, or reached by an estimator."""
 
 import json
-from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.stats import norm
 
 import tactsim
 from tactsim import models
 from tactsim.bench.bound import cramer_rao, pose_information, response
-from tactsim.bench.bound.scan_information import scan_information
+from tactsim.bench.bound.scan_information import scan_bounds
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
@@ -87,7 +82,7 @@ def toy(rng, taxels=6, unknowns=2):
 def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
     rng = np.random.default_rng(0)
     model, sensor, pose = toy(rng), SensorOptions(noise=2.0, resolution=0.0), np.zeros((1, 3))
-    found = pose_information.of_pressures(model, pose, sensor)[0]
+    found = pose_information.pose_information(model, pose, sensor)[0]
     covariance = 4 * np.eye(6) + model.unknown[0] @ model.unknown[0].T
     closed = model.by_pose[0].T @ np.linalg.inv(covariance) @ model.by_pose[0]
     np.testing.assert_allclose(found, closed, rtol=1e-9)
@@ -99,54 +94,6 @@ def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
     estimate = readings @ np.linalg.inv(covariance) @ model.by_pose[0] @ np.linalg.inv(closed)
     distance = np.sqrt(estimate**2 @ np.array([1, 1, BAR.inertia_over_mass]))
     assert distance.mean() == pytest.approx(float(cramer_rao.bound_mm(found, BAR)), rel=0.01)
-
-
-def test_information_of_classes_is_that_of_an_enumeration():
-    """Three taxels and exact poses: 27 readings, each with its probability, differentiated numerically.
-
-    The largest taxel is far above the others and nearly free of noise, so that its error does not matter.
-    """
-    sensor, mean = SensorOptions(noise=0.5, resolution=0.0), np.array([1.4, 8.3, 30.0])
-    slopes = np.array([[0.9, -0.2, 1.0], [-0.5, 0.8, 0.3], [1.2, 0.4, -0.7]])
-
-    def probability(move):
-        m = mean + slopes @ move
-        share = 0.3 * m[2]
-        high, low = max(2.0, share), min(2.0, share)
-        p = np.empty((3, 3))
-        p[:, 0], p[:, 1] = norm.sf((high - m) / 0.5), norm.cdf((low - m) / 0.5)
-        p[:, 2] = 1 - p[:, 0] - p[:, 1]
-        return np.array([np.prod([p[j, c] for j, c in enumerate(of)]) for of in product(range(3), repeat=3)])
-
-    step = 1e-5
-    p = probability(np.zeros(3))
-    rise = np.stack([(probability(d) - probability(-d)) / (2 * step) for d in step * np.eye(3)], axis=1)
-    kept = p > 1e-12
-    exact = (rise[kept].T / p[kept]) @ rise[kept]
-    # The largest taxel's noise is known here: its column has no part in the others' information.
-    columns = np.concatenate([slopes, np.zeros((3, 1))], axis=1)
-    given_press = pose_information._given_press(mean[None], columns, np.zeros((1, 3)), 0.5, 2.0)
-    np.testing.assert_allclose(given_press[:3, :3], exact, rtol=1e-4, atol=1e-6)
-
-    # Through the front door it is not known, which moves the higher limit by 0.15 kPa (standard deviation).
-    model = response.Response(mean[None], slopes[None], np.zeros((1, 3, 0)))
-    found = pose_information.of_classes(model, np.zeros((1, 3)), sensor, np.random.default_rng(0), draws=500)[
-        0
-    ]
-    assert np.trace(found) == pytest.approx(np.trace(exact), rel=0.1)
-
-
-@given(seed=st.integers(0, 1000))
-def test_classes_never_say_more_than_pressures(seed):
-    rng = np.random.default_rng(seed)
-    model, sensor, pose = toy(rng, unknowns=0), SensorOptions(noise=2.0), rng.normal(size=(1, 3))
-    mean = rng.uniform(0, 12, (1, 6))
-    mean[0, 0] = 40.0  # the largest taxel is In Contact whatever its noise
-    model = replace(model, mean=mean)
-    more = pose_information.of_pressures(model, pose, sensor) - pose_information.of_classes(
-        model, pose, sensor, rng
-    )
-    assert np.linalg.eigvalsh(more)[0, 0] > -1e-9 * np.abs(more).max()
 
 
 def test_slopes_of_a_press_are_those_of_its_readings():
@@ -168,16 +115,13 @@ def test_slopes_of_a_press_are_those_of_its_readings():
 
 def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_the_bound_says():
     run = tactsim.run(letters="AE", trials=3, readings=20, world="level", estimator="nearest")
-    info = scan_information(run.plan.scan)
-    pressures, classes = info.bounds(run.trials), info.bounds(run.trials, "classes")
-    assert pressures.shape == run.trials.reading.shape
-    # Lengths of Gaussians shrink with their covariances, up to the noise of the classes' draws.
-    assert (np.diff(pressures[:, 2:], axis=1) <= 1e-12).all()
-    assert (pressures <= classes * 1.02).all()
-    assert 0.03 < pressures[:, -1].mean() < 0.09
-    again = scan_information(run.plan.scan, cache=False)
-    np.testing.assert_array_equal(again.pressures["A"], info.pressures["A"])
-    assert errors(run.trials, run.objects).shape == pressures.shape
+    bounds = scan_bounds(run.plan.scan, run.trials)
+    assert bounds.shape == run.trials.reading.shape
+    # Lengths of Gaussians shrink with their covariances.
+    assert (np.diff(bounds[:, 2:], axis=1) <= 1e-12).all()
+    assert 0.03 < bounds[:, -1].mean() < 0.09
+    np.testing.assert_array_equal(scan_bounds(run.plan.scan, run.trials, jobs=2), bounds)
+    assert errors(run.trials, run.objects).shape == bounds.shape
 
 
 @pytest.mark.parametrize(
