@@ -115,7 +115,6 @@ def _protocol(
         "recognitions": [_recognition(trial, one, arrays) for one in mine for trial in one.recognitions],
         "outlines": shown,
         "maps": _maps(mine, arrays),
-        "press": next((_press(one) for one in mine if one.scan.sequence is not None), None),
     }
 
 
@@ -124,13 +123,6 @@ def _title(protocol: str) -> str:
     for name, words in _WORDS.items():
         protocol = protocol.replace(name, words)
     return protocol[0].upper() + protocol[1:]
-
-
-def _press(of: Replayed) -> dict[str, str]:
-    """Draw a press through time; the readings came with the images on the way."""
-    from tactsim.bench.report.press_picture import as_data, press_figure, press_shown, title
-
-    return {"title": title(of.scan, press_shown(of.scan)), "image": as_data(press_figure(of.scan))}
 
 
 def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:

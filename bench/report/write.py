@@ -89,13 +89,6 @@ def write_pages(
         for name in names:
             written.append(out.with_name(f"{prefix}{name}"))
             save(figure, written[-1])
-    moving = next((one.scan for one in replayed if one.scan.sequence is not None), None)
-    if moving is not None:
-        from tactsim.bench.report.press_picture import press_figure
-
-        for kind in _KINDS:
-            written.append(out.with_name(f"{prefix}press.{kind}"))
-            save(press_figure(moving), written[-1])
     write_text(out, page(groups, replayed, remarks))
     return written, remarks
 
@@ -141,7 +134,7 @@ def _check_beside(out: Path, prefix: str, pictures: Sequence[Sequence[str]]) -> 
     if is_report(out):
         return
     names = [f"{name}.csv" for name in COLUMNS]
-    names += [*(name for of_one in pictures for name in of_one), *(f"press.{kind}" for kind in _KINDS)]
+    names += [name for of_one in pictures for name in of_one]
     for place in (out.with_name(f"{prefix}{name}") for name in names):
         if place.exists():
             raise InputError(

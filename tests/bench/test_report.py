@@ -28,14 +28,13 @@ from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_c
 from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, readings_figure
-from tactsim.bench.report.press_picture import images_shown
 from tactsim.bench.report.write import write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
 from tactsim.bench.runs.pooled import collect, figure_of, pool
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.terminal import headline
 from tactsim.bench.trials import OneTrial, Trials
-from tactsim.core import Scan, invert
+from tactsim.core import invert
 from tactsim.core.errors import InputError
 from tactsim.estimators import Estimate, create
 from tactsim.estimators.estimator import PoseSamples, about_estimator
@@ -451,27 +450,6 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
     answers = {(trial.task.truth, trial.answer) for trial in replayed.recognitions}
     assert answers <= {("A", "A"), ("E", "E"), ("U", "none")}
     assert all(trial.same for trial in replayed.recognitions)
-
-
-@pytest.mark.long
-def test_a_press_through_time_is_shown_where_readings_have_their_sequence(scan_through_time, tmp_path):
-    scan = Scan.load(scan_through_time[0])
-    hostile = replace(scan, labels=np.full(len(scan), "<b>$x$"))
-    hostile.save(tmp_path / "scan.npz")
-    make_run_in(tmp_path / "run", letters=None, scan=str(tmp_path / "scan.npz"), bins=100)
-    written, _ = write_report([tmp_path / "run"], tmp_path / "out" / "report.html")
-    assert {"press.png", "press.svg"} <= {path.name for path in written}
-    (protocol,) = data_of(tmp_path / "out" / "report.html")["protocols"]
-    assert protocol["press"]["image"].startswith("data:image/png;base64,")
-
-
-def test_the_images_shown_run_from_before_touch_to_the_settled_force():
-    force = np.concatenate([np.zeros(10), np.linspace(0.1, 2, 30), np.full(60, 2.0)])
-    shown = images_shown(force)
-    assert shown[0] == 9
-    assert 36 < shown[-1] <= 40
-    assert len(shown) == 8
-    assert images_shown(np.array([2.0])) == [0]
 
 
 def test_many_methods_all_look_different_and_alike_on_page_and_picture():

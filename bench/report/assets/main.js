@@ -242,9 +242,6 @@ function protocolSection(protocol) {
     pick && h("div", { class: "controls" }, pick.field),
     content,
     trials && section(`A recognition, reading by reading${of}`, recognitionView(protocol)),
-    protocol.press && section(`A press through time${of}`,
-      h("p", { class: "lead" }, `${protocol.press.title}: what the pad read on the way, and the contact force. A press at rest keeps its last image.`),
-      h("img", { class: "picture", src: protocol.press.image, alt: `Images and contact force of a press of ${protocol.press.title}` })),
     protocol.maps.length > 0 && section(`Learned maps${of}`, protocol.maps.map(mapSet)));
 }
 
