@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -19,42 +19,18 @@ REPORT_TITLE = "tactsim: "  # the title of every report begins so, by which one 
 _HEAD = 2000  # bytes of a page, within which its title is
 
 
-@contextmanager
-def results_folder(out: Path | None, name: str) -> Iterator[Path]:
-    """Give the folder where results go: `out`, or one under results/runs, named by what is run and when.
+def results_folder(out: Path | None, name: str) -> Path:
+    """Choose the folder where results go: `out`, or one under results/runs, named by what is run and when.
 
-    One under results/runs is made at once and stays empty until the results are there, so that no run that began in the
-    same second takes its name. If they never come it vanishes again. Raises InputError if it cannot
-    be written or `out` holds something.
+    Of two runs that begin in the same second `save_beside` keeps both. Raises InputError if it cannot be written or
+    `out` holds something.
     """
     if out is not None:
         check_new_folder(out)
-        yield out
-        return
-    made = [folder for folder in (RUNS, RESULTS) if not folder.exists()]
+        return out
     with _refusing(RUNS):
         _check_writable(RUNS, RUNS)
-        place = _new_place(name)
-    try:
-        yield place
-    finally:
-        with suppress(OSError):  # one that holds results stays
-            for folder in (place, *made):
-                folder.rmdir()
-
-
-def _new_place(name: str) -> Path:
-    """Make a folder under results/runs that did not exist yet."""
-    stamp = f"{datetime.now():%Y-%m-%d-%H%M%S}"
-    place, number = RUNS / f"{name}-{stamp}", 1
-    while True:
-        try:
-            place.mkdir(parents=True)
-        except FileExistsError:
-            number += 1
-            place = RUNS / f"{name}-{stamp}-{number}"
-        else:
-            return place
+    return RUNS / f"{name}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
 def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
@@ -91,8 +67,6 @@ def save_and_show(save: Callable[[], Path] | None, show: Callable[[Path | None],
     failure: InputError | None = None
     try:
         place = None if save is None else save()
-    except KeptBeside as kept:
-        place, failure = kept.place, kept
     except InputError as error:
         failure = InputError(f"{error}; the results are in no file, only in what was printed")
         failure.__cause__ = error

@@ -9,6 +9,8 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.config import whole_number
+from tactsim.core.errors import InputError
 
 
 def command(
@@ -70,9 +72,6 @@ def command(
 
 def _touching(text: str) -> tuple[int, float]:
     """Read a count and a reading, COUNT:READING. Raises InputError for another text."""
-    from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
-
     count, _, level = text.partition(":")
     taxels, reading = whole_number(count), shared.finite_number(level)
     if not taxels or reading is None:

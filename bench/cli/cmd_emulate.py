@@ -10,6 +10,8 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.config import whole_number
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +84,6 @@ def command(
 
     from tactsim.bench.config import key_values, scan_options, slip_of_world
     from tactsim.bench.console import plain_console
-    from tactsim.core.errors import InputError
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
     from tactsim.hardware.emulator.hand import Pressing
@@ -143,7 +144,6 @@ def _record(
 
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
-    from tactsim.core.errors import InputError
     from tactsim.core.files import replacing
     from tactsim.hardware.codecs.pps_csv import CsvFormat
     from tactsim.hardware.emulator.robot import SHARES, read_plan, record, write_marks
@@ -215,8 +215,6 @@ def _wanted(
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:
     import signal
 
-    from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
     from tactsim.hardware.emulator import serve_pty, serve_tcp
 
     def ready(name: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tactsim.bench.cli.words import dotted
+from tactsim.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -35,7 +36,6 @@ def command(
 ) -> None:
     """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""
     from tactsim.bench.console import plain_console, plain_grid
-    from tactsim.core.errors import InputError, unknown
 
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
@@ -69,7 +69,6 @@ def command(
 
 
 def _estimators() -> list[Row]:
-    from tactsim.core.errors import InputError
     from tactsim.estimators.registry import listing, load
 
     rows: list[Row] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -37,7 +37,7 @@ def command(
         typer.Option("--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."),
     ] = None,
     explore: Annotated[
-        str | None,
+        Literal["information", "random"] | None,
         typer.Option(
             help="The next touch: information (the estimator proposes it) or random. Default: information, if the "
             "estimator can."
@@ -81,16 +81,12 @@ def command(
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
-    from tactsim.core.errors import InputError
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
     from tactsim.models import shape
 
     pads.refuse_without_page(context, web)
-    if explore not in (None, "information", "random"):
-        raise InputError(f"--explore {explore!r}: say information or random")
-    from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     made = create(estimator, **key_values(settings or (), "--set"))
     if explore == "information" and not made.proposes:
@@ -111,12 +107,12 @@ def command(
             progress("map", 1, 1)
         hand = source if isinstance(source, HiddenObject) else None
         leading = TouchLeader(recogniser, plan, source.pad, "information" if ask else "random", seed, hand)
-        words = BeliefWords(leading, train, maps_of(made), source, from_behind)
+        words = BeliefWords(leading, train, maps_of(made), source, seen == "behind")
         reader.on_reading, reader.on_tare = leading.take, leading.tared
         page = None
         if web:
             page = WebPage(
-                reader, web_port, from_behind=from_behind, about=words.about(), more=words.event,
+                reader, web_port, from_behind=seen == "behind", about=words.about(), more=words.event,
                 commands=leading.commands(),
             )  # fmt: skip
         with page or nullcontext(), leading:

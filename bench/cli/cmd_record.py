@@ -11,6 +11,7 @@ from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.config import whole_number
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of poses that are drawn.")] = 0,
 ) -> None:
     """Record a pad: with --letter a guided session that makes a scan, else all it says."""
-    guide.from_behind(seen)
     if letter is None:
         names = ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed")
         refuse_typed(
@@ -81,7 +81,7 @@ def _record_session(
     calibration: Calibration | None,
     plan: Plan,
     resume: bool,
-    seen: str,
+    seen: guide.Side,
 ) -> None:
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad.guided import record
@@ -162,7 +162,6 @@ def _check_name(out: Path, suffix: str) -> None:
 def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]]:
     import numpy as np
 
-    from tactsim.bench.config import whole_number
     from tactsim.bench.pad.measured import known_letter
     from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for

@@ -10,6 +10,8 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.config import whole_number
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.core import Scan
@@ -61,7 +63,6 @@ def command(
     from tactsim.bench.pad.measured import taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.bench.trials import check_labels
-    from tactsim.core.errors import InputError
     from tactsim.core.idle import settled
     from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
@@ -159,8 +160,6 @@ def _moments(text: str | None, marks: Path | None) -> int | Literal["auto", "fou
 
     A guided session makes the scan that was recorded, unless it is asked for more.
     """
-    from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
     from tactsim.core.moments import MOST
 
     if text is None:
@@ -175,8 +174,6 @@ def _moments(text: str | None, marks: Path | None) -> int | Literal["auto", "fou
 
 def _share(text: str) -> float:
     """Read a share of the load: 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
-    from tactsim.core.errors import InputError
-
     number = shared.finite_number(text.removesuffix("%"))
     share = 0.0 if number is None else number / (100 if text.endswith("%") else 1)
     if not 0 < share <= 1:

@@ -11,7 +11,7 @@ from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import SOLIDS, RunConfig, any_config, run_config
-from tactsim.core.errors import counted
+from tactsim.core.errors import InputError, counted, unknown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,7 +68,6 @@ def command(
     from tactsim.bench.places import results_folder, save_and_show, save_beside
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_places, print_run, progress_bars
-    from tactsim.core.errors import InputError
 
     if port is None:
         names = ("device", "calibration", "frames", "force", "patience", "seen")
@@ -95,36 +94,36 @@ def command(
             f"a look at task {words['task']} and no result on it: fewer trials or readings than it has, or a "
             "seed for development"
         )
-    with results_folder(out, config.estimator) as folder:
+    folder = results_folder(out, config.estimator)
+    if port is not None:
+        from tactsim.bench.cli import pad_options as pads
+
+        assert isinstance(config, RunConfig)  # a task has readings of its own
+        if config.presses is None:
+            config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
+        described, correction = pads.load(device, calibration)
+        settings = guide.plan_settings(port, described, correction, frames, force, patience)
+        station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
+        if not _measured(config, station, settings):
+            return
+    if config.shapes and isinstance(config, RunConfig):
+        _print_shapes(config, plain_console(stderr=True))
+    with kept_clear(as_json), progress_bars() as progress:
+        run = perform(config, jobs=jobs, cache=cache, progress=progress)
+
+    def show(saved: Path | None) -> None:
+        if as_json:
+            typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
+            return
+        print_run(run, verbose)
+        if saved is not None:
+            print_places(run, saved)
         if port is not None:
-            from tactsim.bench.cli import pad_options as pads
+            plain_console().print(
+                f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
+            )
 
-            assert isinstance(config, RunConfig)  # a task has readings of its own
-            if config.presses is None:
-                config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
-            described, correction = pads.load(device, calibration)
-            settings = guide.plan_settings(port, described, correction, frames, force, patience)
-            station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
-            if not _measured(config, station, settings):
-                return
-        if config.shapes and isinstance(config, RunConfig):
-            _print_shapes(config, plain_console(stderr=True))
-        with kept_clear(as_json), progress_bars() as progress:
-            run = perform(config, jobs=jobs, cache=cache, progress=progress)
-
-        def show(saved: Path | None) -> None:
-            if as_json:
-                typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
-                return
-            print_run(run, verbose)
-            if saved is not None:
-                print_places(run, saved)
-            if port is not None:
-                plain_console().print(
-                    f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
-                )
-
-        save_and_show(lambda: save_beside(run.save, folder), show)
+    save_and_show(lambda: save_beside(run.save, folder), show)
 
 
 def _print_shapes(config: RunConfig, console: Console) -> None:
@@ -153,7 +152,6 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     from tactsim.bench.experiment import train_scan
     from tactsim.bench.pad.measuring import Wanted, check_pads, count_measured, measure
     from tactsim.bench.trials import fit
-    from tactsim.core.errors import unknown
     from tactsim.estimators import create
     from tactsim.press import forward_model
 

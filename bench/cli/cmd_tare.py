@@ -9,6 +9,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.core.errors import InputError
 
 
 def command(
@@ -32,7 +33,6 @@ def command(
     """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
-    from tactsim.core.errors import InputError
     from tactsim.hardware.calibration import take_tare, with_gain
     from tactsim.hardware.sources import open_source
 
@@ -67,8 +67,6 @@ def command(
 
 
 def _pressure(text: str) -> float:
-    from tactsim.core.errors import InputError
-
     pressure = shared.finite_number(text)
     if pressure is None or pressure <= 0:
         raise InputError(f"--load {text!r}: give the pressure in kPa, or 'even' if it is not known")

@@ -34,7 +34,7 @@ def command(
     if paper not in PAPERS:
         raise InputError(f"--paper {paper!r}: say {' or '.join(PAPERS)}")
     check_new_file(out, picture=".pdf")
-    sheets = Sheets(paper, load_device(device).pad, guide.from_behind(seen))
+    sheets = Sheets(paper, load_device(device).pad, seen == "behind")
     pressed = letters_of(scan_options(letters=letters, shapes=shape or ()))
     write_bytes(out, as_pdf(draw_sheets(pressed, sheets)))
     plain_console().print(

@@ -33,18 +33,17 @@ def command(
     from tactsim.hardware.sources import open_source
 
     pads.refuse_without_page(context, web)
-    from_behind = guiding.from_behind(seen)
     described, correction = pads.load(device, calibration)
     console = plain_console()
     with open_source(port, described) as opened:
         source, played = pads.played(opened, described)
         reader = PadReader(source, played, " ".join(port), correction)
-        page = WebPage(reader, web_port, from_behind=from_behind) if web else None
+        page = WebPage(reader, web_port, from_behind=seen == "behind") if web else None
         with reader, page or nullcontext():
             watch(
                 reader,
                 console,
-                from_behind=from_behind,
+                from_behind=seen == "behind",
                 seconds=seconds,
                 page=None if page is None else page.url,
             )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.device import Device
 
 PANEL = "On a real pad"
+Side: TypeAlias = Literal["behind", "front"]
 
 Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
 Force = Annotated[
@@ -30,21 +32,12 @@ Patience = Annotated[
     ),
 ]
 Seen = Annotated[
-    str,
+    Side,
     typer.Option(
         help="behind: you see the object's back as you press it; front: the pad is pressed on it.",
         rich_help_panel=PANEL,
     ),
 ]
-
-
-def from_behind(seen: str) -> bool:
-    """Read --seen. Raises InputError if it says neither."""
-    from tactsim.core.errors import InputError
-
-    if seen not in ("behind", "front"):
-        raise InputError(f"--seen {seen!r}: say behind or front")
-    return seen == "behind"
 
 
 def plan_settings(
@@ -61,7 +54,6 @@ def plan_settings(
     """
     from tactsim.bench.pad import simulated_hand
     from tactsim.bench.pad.simulated_hand import touch_above
-    from tactsim.core.errors import InputError
 
     if ports != [simulated_hand.PLACE] and any(port.startswith("simulated:") for port in ports):
         raise InputError(
@@ -81,7 +73,7 @@ def plan_settings(
 
 
 def station(
-    ports: list[str], device: Device, calibration: Calibration | None, seen: str, console: Console
+    ports: list[str], device: Device, calibration: Calibration | None, seen: Side, console: Console
 ) -> Station:
     """Describe where a person presses."""
     from tactsim.bench.pad.guided import Station
@@ -91,14 +83,12 @@ def station(
         device,
         calibration,
         lambda plan: pads.segment(device, ports, calibration, plan=plan.model_dump(mode="json")),
-        from_behind(seen),
+        seen == "behind",
         console,
     )
 
 
 def _force(text: str) -> tuple[float, float]:
-    from tactsim.core.errors import InputError
-
     least, most = (shared.finite_number(word) for word in text.partition(":")[::2])
     if least is None or most is None:
         raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tactsim.core.errors import short
+from tactsim.core.errors import InputError, short
 
 
 def finite_number(text: str) -> float | None:
@@ -111,8 +111,6 @@ def idle_frames(path: Path | None) -> Any:
         return None
     import numpy as np
 
-    from tactsim.core.errors import InputError
-
     try:
         if path.suffix.lower() == ".npy":
             return np.load(path, allow_pickle=False)
@@ -127,7 +125,6 @@ def idle_frames(path: Path | None) -> Any:
 def window(text: str) -> tuple[int, int]:
     """Read a window written as ROWSxCOLUMNS. Raises InputError for another text."""
     from tactsim.bench.config import whole_number
-    from tactsim.core.errors import InputError
 
     rows, columns = (whole_number(word) for word in text.partition("x")[::2])
     if rows is None or columns is None:

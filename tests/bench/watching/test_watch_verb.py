@@ -81,7 +81,11 @@ def test_the_page_is_served_until_the_command_ends(bench):
 
 
 def test_a_mistake_ends_in_one_line(here):
-    refused(here("watch", "--port", "simulated:A", "--seen", "above"), "--seen 'above'", "behind or front")
+    refused(
+        here("watch", "--port", "simulated:A", "--seen", "above"),
+        "'--seen': unknown word 'above'",
+        "behind, front",
+    )
 
 
 def test_a_page_on_a_port_that_is_taken_is_refused(here):
