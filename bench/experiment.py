@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 
 Config: TypeAlias = "RunConfig | SpaceConfig"
 
+PARTS = 8  # of the trials, for each process: none waits long for the last of another
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 
 
@@ -107,7 +108,7 @@ def perform(
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
         # Workers fit while this process does: its estimator's maps are shown, and with one job it does the trials.
-        sent = None if executor is None else send_trials(executor, plan, tasks, jobs)
+        sent = None if executor is None else send_trials(executor, plan, tasks, PARTS * jobs)
         progress("map", 0, 1)
         fit(fitted, gathered.scan, forward_model)
         progress("map", 1, 1)

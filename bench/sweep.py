@@ -1,29 +1,20 @@
 """A sweep: read its runs from a file, do them, and keep what is done, whenever and however it is stopped.
 
 A sweep's file has a run for every combination of its lists. Its folder holds `sweep.json` (the list of runs asked
-for), `chunks/` (finished chunks of runs that are not whole yet) and `runs/` (whole runs, as `bench run` writes them).
-Only this process writes there. Workers, local or on a Dask cluster, receive trials and send back their results.
-
-A chunk holds the trials that a worker does at once. Its file begins with a seal: a hash of its content, and of the
-source code, the libraries and the readings that made it. A chunk whose seal differs is done again, so that no run
-mixes results of different source code.
+for) and `runs/` (whole runs, as `bench run` writes them). Only this process writes there. Workers, local or on a Dask
+cluster, receive trials and send back their results. A sweep that was stopped does again the runs that were at work.
 """
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import os
 import re
 import shutil
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, fields
 from importlib.resources import files
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -42,27 +33,26 @@ from tactsim.bench.experiment import (
     plan_of,
     tasks_of,
 )
-from tactsim.bench.machine import versions
 from tactsim.bench.results import Run, sweep_order
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
     OneTrial,
     Progress,
-    SpaceTrials,
     TrialPlan,
     Trials,
     check_readings,
-    run_chunk,
+    received_trials,
+    send_trials,
+    silent,
     source_of_trials,
 )
 from tactsim.core import InputError
-from tactsim.core.documents import LARGE, parse_json, parse_toml, read_toml
+from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import unknown
-from tactsim.core.files import lock, new_folder, read_bytes, replacing, write_text
-from tactsim.core.npz import read_npz
+from tactsim.core.files import lock, new_folder, write_text
 from tactsim.core.workers import worker_processes
 from tactsim.estimators import create
-from tactsim.estimators.estimator import budget_of, flatten_work, unflatten_work
+from tactsim.estimators.estimator import budget_of
 
 
 def read(source: str) -> tuple[str, list[Config]]:
@@ -178,85 +168,11 @@ def _axes(
             yield (*prefix, key), value if isinstance(value, list) else [value]
 
 
-MOST_TRIALS = 20  # trials of a chunk: the most that a worker loses when it is killed
-
-
-@dataclass(frozen=True)
-class Chunk:
-    """Some trials of one run. made_with: what their result depends on, for the seal."""
-
-    run: str
-    number: int
-    tasks: tuple[OneTrial, ...]
-    made_with: str
-
-    def path(self, folder: Path) -> Path:
-        """Name the chunk's file in a sweep's folder."""
-        return folder / "chunks" / f"{self.run}.{self.number:05d}.npz"
-
-    def seal(self, body: bytes) -> bytes:
-        """Hash a file's content with which trials it holds and what they were made with: 32 bytes."""
-        tasks = json.dumps([[task.truth, task.trial] for task in self.tasks])
-        return hashlib.sha256(f"{self.made_with} {tasks}".encode() + body).digest()
-
-
-def chunks_of(name: str, plan: TrialPlan, tasks: Sequence[OneTrial]) -> list[Chunk]:
-    """Divide a run into chunks of at most MOST_TRIALS trials, letter after letter.
-
-    A chunk goes on with the next letter, so that a run of few trials is one chunk, for which one worker fits once.
-    """
-    trying = [plan.readings, plan.seed, plan.explore, plan.press is not None, plan.slip.model_dump()]
-    trying.append(plan.each_held_out)
-    made_with = json.dumps([plan.source, plan.digest, trying, versions()], sort_keys=True)
-    return [
-        Chunk(name, number, tuple(tasks[first : first + MOST_TRIALS]), made_with)
-        for number, first in enumerate(range(0, len(tasks), MOST_TRIALS))
-    ]
-
-
-def take(waiting: list[Chunk], run: str | None, begun: Set[str]) -> Chunk:
-    """Take a chunk from those that wait: of `run` if one is left, or else of a run that has not begun, or the first.
-
-    So few workers fit the estimator of the same run. Raises IndexError if none waits.
-    """
-    order = range(len(waiting))
-    same = (k for k in order if waiting[k].run == run)
-    new = (k for k in order if waiting[k].run not in begun)
-    return waiting.pop(next(same, next(new, 0)))
-
-
-def save_chunk(folder: Path, chunk: Chunk, trials: Trials, work: Mapping[str, int]) -> None:
-    """Keep a chunk that is done, whole or not at all. Raises InputError if it cannot be written."""
-    content = BytesIO()
-    arrays = {field.name: getattr(trials, field.name) for field in fields(trials)}
-    np.savez(content, allow_pickle=False, work=np.array(json.dumps(work)), **arrays)
-    body = content.getvalue()
-    with replacing(chunk.path(folder)) as stream:
-        stream.write(chunk.seal(body) + body)
-
-
-def load_chunk(folder: Path, chunk: Chunk) -> tuple[Trials, dict[str, int]] | None:
-    """Read a chunk that is done; None if there is no file, or its seal differs."""
-    try:
-        content = read_bytes(chunk.path(folder), LARGE)
-    except InputError:
-        return None
-    if chunk.seal(content[32:]) != content[:32]:
-        return None
-    try:
-        names = [field.name for field in fields(SpaceTrials)]
-        own = [field.name for field in fields(Trials)]
-        arrays = read_npz(BytesIO(content[32:]), ("work", *own), names[len(own) :])
-        work = parse_json(str(arrays.pop("work")), "work")
-    except InputError:
-        return None
-    return (SpaceTrials if "start" in arrays else Trials)(**arrays), work
-
-
 SCHEDULER_ANSWERS_IN = 10.0  # s, or it counts as none
 ATTEMPTS = 3  # how often trials are tried when workers die
 
-Pool = Callable[[], AbstractContextManager[Executor]]
+# Gives an executor, and how many tasks it does at once.
+Pool = Callable[[], AbstractContextManager[tuple[Executor, int]]]
 
 
 def perform(
@@ -270,8 +186,7 @@ def perform(
 ) -> list[Path]:
     """Do every run that `folder` does not hold yet; returns the folders of all runs, in order.
 
-    jobs: local processes, if no other `pool` is given. Readings that several runs share are pressed once, and
-    a worker fits an estimator once for all its trials of a run, most often all of them.
+    jobs: local processes, if no other `pool` is given. Readings that several runs share are pressed once.
 
     Raises InputError if the folder belongs to another sweep, is in use or cannot be written, or if it holds
     runs made by other source code while others are still to do.
@@ -279,9 +194,10 @@ def perform(
     names = _names(configs)  # a wrong option is reported before the work
     with _locked(folder):
         _claim(folder, names, configs)
+        for path in folder.glob("runs/.*.part"):  # what a killed sweep left half-written
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
         places = {name: folder / "runs" / name for name in names}
         whole = {name: results.load(place) for name, place in places.items() if (place / "run.json").exists()}
-        _tidy(folder, list(whole))
         todo = {name: config for name, config in zip(names, configs, strict=True) if name not in whole}
         if todo:
             _check_sources(folder, whole)
@@ -290,33 +206,28 @@ def perform(
             name: plan_of(config, gathered[name].scan, solids=gathered[name].solids)
             for name, config in todo.items()
         }
-        chunks = {
-            name: chunks_of(name, plans[name], tasks_of(config, gathered[name].letters))
-            for name, config in todo.items()
-        }
-        left = {
-            name: [chunk for chunk in of_run if load_chunk(folder, chunk) is None]
-            for name, of_run in chunks.items()
-        }
-        done = sum(len(run.trials.truth) for run in whole.values())
-        total = done + sum(len(chunk.tasks) for of_run in chunks.values() for chunk in of_run)
-        done = total - sum(len(chunk.tasks) for of_run in left.values() for chunk in of_run)
-        progress("sweep", done, total)
-
-        waiting = {name: {chunk.number for chunk in of_run} for name, of_run in left.items()}
-        for name in todo:
-            if not waiting[name]:
-                _write_run(folder, todo[name], gathered[name], chunks[name])
-        queue = [chunk for of_run in left.values() for chunk in of_run]
-        for chunk, trials, work in _work_off(queue, plans, pool or _local(jobs), None if pool else jobs):
-            save_chunk(folder, chunk, trials, work)
-            done += len(chunk.tasks)
-            progress("sweep", done, total)
-            name = chunk.run
-            waiting[name].discard(chunk.number)
-            if not waiting[name]:
-                _write_run(folder, todo[name], gathered[name], chunks[name])
+        tasks = {name: tasks_of(config, gathered[name].letters) for name, config in todo.items()}
+        kept = sum(len(run.trials.truth) for run in whole.values())
+        total = kept + sum(map(len, tasks.values()))
+        done = _trials_of_runs(
+            plans, tasks, pool or _local(jobs), lambda now: progress("sweep", kept + now, total)
+        )
+        for name, trials, work in done:
+            config = todo[name]
+            estimator = create(config.estimator, **config.options)
+            run = finished_run(config, gathered[name], trials, work, estimator)
+            with new_folder(places[name]) as inside:
+                results.save(run, inside)
     return list(places.values())
+
+
+def _local(jobs: int) -> Pool:
+    @contextmanager
+    def enter() -> Iterator[tuple[Executor, int]]:
+        with worker_processes(jobs) as executor:
+            yield executor, jobs
+
+    return enter
 
 
 def dask_pool(address: str) -> Pool:
@@ -329,7 +240,7 @@ def dask_pool(address: str) -> Pool:
         raise InputError(f"--dask {address}: give the scheduler's address, such as tcp://localhost:8786")
 
     @contextmanager
-    def enter() -> Iterator[Executor]:
+    def enter() -> Iterator[tuple[Executor, int]]:
         try:
             from distributed import Client
         except ImportError:
@@ -340,7 +251,7 @@ def dask_pool(address: str) -> Pool:
             raise InputError(f"--dask {address}: no scheduler answers there ({error})") from error
         with client, client.get_executor(pure=False, retries=ATTEMPTS) as executor:
             try:
-                yield executor
+                yield executor, max(1, sum(client.nthreads().values()))
             except BaseException:
                 executor.shutdown(wait=False)  # cancels what is not done
                 raise
@@ -348,50 +259,40 @@ def dask_pool(address: str) -> Pool:
     return enter
 
 
-def _local(jobs: int) -> Pool:
-    return lambda: worker_processes(jobs)
+def _trials_of_runs(
+    plans: Mapping[str, TrialPlan],
+    tasks: Mapping[str, Sequence[OneTrial]],
+    pool: Pool,
+    report: Callable[[int], None],
+) -> Iterator[tuple[str, Trials, dict[str, Any]]]:
+    """Let workers do the trials of runs, by their names; yield those of a run, with the work, once all are there.
 
-
-def _work_off(
-    queue: list[Chunk], plans: Mapping[str, TrialPlan], pool: Pool, at_once: int | None
-) -> Iterator[tuple[Chunk, Trials, dict[str, int]]]:
-    """Send chunks to workers and yield their results; after a worker's death send the rest again.
-
-    at_once: the number of workers, each of which then gets one chunk at a time; None if it is not known, which sends
-    all chunks.
+    Runs that were at work when a worker died are sent again. report(done) is called with how many trials are done.
     """
-    left = {(chunk.run, chunk.number): chunk for chunk in queue}
+    left = dict(tasks)
+    total = sum(map(len, tasks.values()))
+    report(0)
     for attempt in range(1, ATTEMPTS + 1):
         if not left:
             return
         try:
-            with pool() as executor:
-                for chunk, trials, work in _results(executor, list(left.values()), plans, at_once):
-                    del left[chunk.run, chunk.number]
-                    yield chunk, trials, work
+            with pool() as (executor, workers):
+                # So few parts of a run that few workers fit its estimator, and so many that none waits for long.
+                parts = -(-2 * workers // len(left))
+                sent = {name: send_trials(executor, plans[name], left[name], parts) for name in left}
+                run_of = {future: (name, size) for name, of_run in sent.items() for size, future in of_run}
+                done = total - sum(map(len, left.values()))
+                for future in as_completed(run_of):
+                    future.result()
+                    name, size = run_of.pop(future)
+                    done += size
+                    report(done)
+                    if name in sent and all(part.done() for _, part in sent[name]):
+                        yield (name, *received_trials(sent.pop(name), silent))
+                        del left[name]
         except BrokenExecutor:
             if attempt == ATTEMPTS:
                 raise
-
-
-def _results(
-    executor: Executor, waiting: list[Chunk], plans: Mapping[str, TrialPlan], at_once: int | None
-) -> Iterator[tuple[Chunk, Trials, dict[str, int]]]:
-    """Send chunks to workers and yield their results as they come. Raises BrokenExecutor if a worker dies."""
-    running, begun = dict[Future[Any], Chunk](), set[str]()
-    free: list[str | None] = [None] * (at_once or len(waiting))  # the run that each free worker has fitted
-    while waiting or running:
-        while waiting and free:
-            run = free.pop() if at_once else waiting[0].run
-            chunk = take(waiting, run, begun)
-            begun.add(chunk.run)
-            running[executor.submit(run_chunk, plans[chunk.run], list(chunk.tasks))] = chunk
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            chunk = running.pop(future)
-            free.append(chunk.run)
-            trials, work = future.result()
-            yield chunk, trials, work
 
 
 def _gather_all(
@@ -418,35 +319,6 @@ def _check_sources(folder: Path, whole: Mapping[str, Run]) -> None:
                 f"{folder / 'runs' / name} was made by other source code than this; remove such runs, which are "
                 "then done again, or name another folder with --out"
             )
-
-
-def _write_run(folder: Path, config: Config, gathered: Gathered, chunks: Sequence[Chunk]) -> None:
-    """Put a run's chunks together, write its folder, and remove the chunks."""
-    loaded = [load_chunk(folder, chunk) for chunk in chunks]
-    pieces = [piece for piece in loaded if piece is not None]
-    if len(pieces) != len(chunks):
-        raise InputError(
-            f"{folder / 'chunks'}: a finished chunk was changed while the sweep ran; start it again"
-        )
-    work: Counter[str] = Counter()
-    for _, of_chunk in pieces:
-        work.update(flatten_work(of_chunk))
-    estimator = create(config.estimator, **config.options)
-    joined = Trials.joined(trials for trials, _ in pieces)
-    run = finished_run(config, gathered, joined, unflatten_work(work), estimator)
-    with new_folder(folder / "runs" / chunks[0].run) as inside:
-        results.save(run, inside)
-    for chunk in chunks:
-        chunk.path(folder).unlink(missing_ok=True)
-
-
-def _tidy(folder: Path, done: Sequence[str]) -> None:
-    """Remove what a killed sweep left: chunks of runs that are whole, and half-written files."""
-    for path in [*folder.glob("runs/.*.part"), *folder.glob("chunks/.*.part")]:
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-    for path in folder.glob("chunks/*.npz"):
-        if path.name.rsplit(".", 2)[0] in done:
-            path.unlink()
 
 
 def _names(configs: Sequence[Config]) -> list[str]:

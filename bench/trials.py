@@ -8,8 +8,9 @@ from __future__ import annotations
 import hashlib
 import json
 import pickle
+import threading
 import zlib
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, fields, replace
@@ -506,23 +507,18 @@ class TrialPlan:
         """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
         return estimator.without(truth, self.scan) if self.each_held_out else estimator
 
-    def make(self) -> Estimator:
-        """Make the estimator, which is not fitted yet.
-
-        Raises InputError if it does not exist, or was given and cannot be made in another process.
-        """
-        if self.given is None:
-            return create(self.estimator, **self.options)
-        if not isinstance(self.given, bytes):
-            return self.given
-        try:
-            return pickle.loads(self.given)
-        except Exception as error:  # a user's class may raise anything when it is unpickled
-            raise _not_portable(self.estimator, error) from error
-
     def fitted(self) -> Estimator:
-        """Make the estimator and fit it. Raises InputError as `make` and `fit` do."""
-        estimator = self.make()
+        """Make the estimator and fit it.
+
+        Raises InputError as `fit` does, and if it does not exist, or was given and cannot be made in another process.
+        """
+        if isinstance(self.given, bytes):
+            try:
+                estimator: Estimator = pickle.loads(self.given)
+            except Exception as error:  # a user's class may raise anything when it is unpickled
+                raise _not_portable(self.estimator, error) from error
+        else:
+            estimator = create(self.estimator, **self.options) if self.given is None else self.given
         fit(estimator, self.scan, self.forward)
         return estimator
 
@@ -534,12 +530,6 @@ class TrialPlan:
             return replace(self, given=pickle.dumps(self.given))
         except Exception as error:  # a user's class may raise anything when it is pickled
             raise _not_portable(self.estimator, error) from error
-
-    @property
-    def source(self) -> str:
-        """Hash the source code that the trials depend on."""
-        given = self.given if isinstance(self.given, Estimator) else self.estimator
-        return source_of_trials(given)
 
     @property
     def digest(self) -> str:
@@ -602,20 +592,20 @@ def run_trials(
 
 
 def send_trials(
-    executor: Executor, plan: TrialPlan, tasks: Sequence[OneTrial], jobs: int
+    executor: Executor, plan: TrialPlan, tasks: Sequence[OneTrial], parts: int
 ) -> list[tuple[int, TrialsDone]]:
     """Let worker processes begin with trials; they fit estimators of their own, and the results are the same.
 
-    Where each letter is held out, its trials are sent together, since they share an estimator that was fitted without
-    it. Returns for each part that was sent how many trials it has, and what will be its result. Raises InputError for
-    an estimator that cannot be sent.
+    parts: how many at most. Where each letter is held out, its trials are sent together, since they share an estimator
+    that was fitted without it. Returns for each part how many trials it has, and what will be its result. Raises
+    InputError for an estimator that cannot be sent.
     """
     plan = plan.portable()
     if plan.each_held_out:
-        parts = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
+        divided = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
     else:
-        parts = batches(tasks, jobs)
-    return [(len(part), executor.submit(run_chunk, plan, part)) for part in parts]
+        divided = batches(tasks, parts)
+    return [(len(part), executor.submit(run_part, plan, part)) for part in divided]
 
 
 def received_trials(
@@ -632,16 +622,12 @@ def received_trials(
     return Trials.joined(trials for trials, _ in results), unflatten_work(work)
 
 
-def run_chunk(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[str, Any]]:
-    """Do some trials in a worker process; an estimator is fitted once for all chunks of a plan."""
-    key = plan.digest
-    if key not in _fitted:
-        _fitted[key] = plan.fitted()
-        if len(_fitted) > _MOST_FITTED:
-            _fitted.popitem(last=False)
-    _fitted.move_to_end(key)
-    return run_trials(plan, _fitted[key], tasks, progress=silent)
+def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[str, Any]]:
+    """Do some trials in a worker; the estimator that it fitted last does the parts of one plan that follow."""
+    digest = plan.digest
+    if getattr(_last, "digest", None) != digest:
+        _last.estimator, _last.digest = plan.fitted(), digest
+    return run_trials(plan, _last.estimator, tasks, progress=silent)
 
 
-_fitted: OrderedDict[str, Estimator] = OrderedDict()  # of a worker process, newest last
-_MOST_FITTED = 4
+_last = threading.local()  # what a worker fitted last; a worker of Dask may have several threads, each with its own

@@ -18,7 +18,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from tactsim.core.errors import InputError
 
-_BATCHES = 8  # for each process
 _GUARD = (
     "worker processes import the script that starts them: put the call under `if __name__ == '__main__':`, "
     "or use jobs=1"
@@ -57,9 +56,9 @@ def process_map(count: int) -> Iterator[Callable[..., Iterator[Any]]]:
         yield executor.map
 
 
-def batches(tasks: Sequence[T], jobs: int) -> list[list[T]]:
-    """Divide tasks evenly, in their order, into so many batches that no process waits long for the last of another."""
-    count = min(len(tasks), _BATCHES * jobs)
+def batches(tasks: Sequence[T], most: int) -> list[list[T]]:
+    """Divide tasks evenly, in their order, into at most so many batches, of which none is empty."""
+    count = min(len(tasks), most)
     ends = [len(tasks) * k // count for k in range(count + 1)]
     return [list(tasks[first:end]) for first, end in pairwise(ends)]
 

@@ -8,17 +8,14 @@ import socket
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from command_line import refused
 from small_runs import draw_nothing
 
-from tactsim.bench import results, sweep, trials
-from tactsim.bench.config import run_config
+from tactsim.bench import results, sweep
 from tactsim.bench.experiment import perform, silent
-from tactsim.bench.trials import OneTrial
 from tactsim.core import InputError
 
 SMALL = """
@@ -112,7 +109,6 @@ def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
     _, configs = sweep.read(str(tmp_path / "s.toml"))
     names = sorted(path.name for path in (tmp_path / "out" / "runs").iterdir())
     assert len(names) == len(configs) == 4
-    assert not list((tmp_path / "out" / "chunks").iterdir())
     assert output.count(" 100 bins") == output.count("1,000 bins") == 1  # the seeds of each are pooled
     run = perform(configs[0])
     (tmp_path / "single").mkdir()
@@ -123,36 +119,19 @@ def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
 
 
 @pytest.mark.long
-def test_a_chunk_that_was_damaged_is_done_again(here, tmp_path, whole):
-    (tmp_path / "s.toml").write_text(SMALL)
-    folder = tmp_path / "again" / "chunks"
-    folder.mkdir(parents=True)
-    for place in (whole / "runs").iterdir():
-        (folder / f"{place.name}.00000.npz").write_bytes(b"no chunk at all")
-    assert here("sweep", "s.toml", "--out", "again", "--jobs", "1").returncode == 0
-    assert contents(tmp_path / "again") == contents(whole)
-
-
-OTHERS = {
-    "nothing": lambda patch, plan: plan,
-    "version": lambda patch, plan: patch.setattr(sweep, "versions", lambda: {"tactsim": "0.0"}) or plan,
-    "source": lambda patch, plan: patch.setattr(trials, "source_digest", lambda *modules: "0" * 64) or plan,
-    "readings": lambda patch, plan: replace(plan, scan=replace(plan.scan, poses=plan.scan.poses + 1)),
-    "options": lambda patch, plan: replace(plan, options={"bins": 101}),
-    "seed": lambda patch, plan: replace(plan, seed=1),
-}
-
-
-@pytest.mark.parametrize("other", OTHERS)
-def test_a_chunk_that_was_made_with_something_else_is_not_taken(tmp_path, other):
-    run = perform(run_config(letters="IO", estimator="histogram", bins=100, trials=2, readings=3))
+def test_a_sweep_goes_on_with_the_runs_that_are_missing(tmp_path, whole):
+    shutil.copytree(whole, tmp_path / "out")
+    runs = tmp_path / "out" / "runs"
+    kept, missing, *_ = sorted(path.name for path in runs.iterdir())
+    written = (runs / kept / "times.json").read_bytes()
+    (runs / missing).rename(runs / ".half-written.part")
+    _, configs = sweep.read(str(whole.parent / "s.toml"))
     with pytest.MonkeyPatch.context() as patch:
-        (made, *_) = sweep.chunks_of(
-            "a-run", OTHERS[other](patch, run.plan), [OneTrial("I", 0), OneTrial("I", 1)]
-        )
-        sweep.save_chunk(tmp_path, made, run.trials, {"likelihood_evaluations": 3})
-    (wanted, *_) = sweep.chunks_of("a-run", run.plan, [OneTrial("I", 0), OneTrial("I", 1)])
-    assert (sweep.load_chunk(tmp_path, wanted) is not None) == (other == "nothing")
+        draw_nothing(patch)
+        sweep.perform(configs, tmp_path / "out", jobs=2, progress=silent)
+    assert contents(tmp_path / "out") == contents(whole)
+    assert (runs / kept / "times.json").read_bytes() == written
+    assert not list(runs.glob(".*"))
 
 
 @pytest.mark.long
@@ -224,9 +203,9 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
     address, workers = cluster
     (tmp_path / "s.toml").write_text(SMALL.replace("trials = 30", "trials = 100"))
     process = bench.start("sweep", "s.toml", "--out", "far", "--dask", address)
-    folder = tmp_path / "far" / "chunks"
+    folder = tmp_path / "far" / "runs"
     deadline = time.monotonic() + 90
-    while not (folder.is_dir() and len(list(folder.iterdir())) >= 2):
+    while not any(folder.glob("[!.]*")):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)
