@@ -20,7 +20,6 @@ from tactsim.bench.trials import (
     OneTrial,
     Press,
     Progress,
-    TouchesOfOnePress,
     TrialPlan,
     Trials,
     check_count,
@@ -292,18 +291,11 @@ def plan_of(
             config.estimator, config.options, scan, config.readings, config.seed, config.explore, press=press,
             given=given, solids=solids,
         )  # fmt: skip
-    press = None  # where touches come from that are not simply the scan's
-    # Each is imported here: most runs take the scan's readings, and need neither a pad's files nor MuJoCo.
-    if config.presses is not None:
-        from tactsim.bench.pad.measured import MeasuredTrials
-
-        press = MeasuredTrials(scan, config.readings)
-    elif config.on_demand:
-        from tactsim.bench.on_demand import OnDemand
+    press = None
+    if config.on_demand:
+        from tactsim.bench.on_demand import OnDemand  # brings MuJoCo, which most runs need not
 
         press = OnDemand(config.scan_options)
-    elif poses_unknown(scan):
-        press = TouchesOfOnePress(scan, config.readings)
     return TrialPlan(
         config.estimator,
         config.options,
@@ -316,6 +308,7 @@ def plan_of(
         forward_model,
         given,
         config.each_held_out,
+        config.presses is not None,
     )
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tactsim.bench.trials import InTurn
+from tactsim.bench.trials import ListedTouches
 from tactsim.core import compose
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
@@ -30,13 +30,13 @@ class OnDemand:
 
     options: ScanOptions
 
-    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
+    def touches(self, truth: str, trial: int, seed: int) -> PressedTouches:
         """Offer the touches of one trial of `truth`, a letter of the scan."""
         names = tuple(name for name in self.options.letters if name == truth)  # the others need not be built
         (letter,) = (
             one for one in letters_of(self.options.model_copy(update={"letters": names})) if one.name == truth
         )
-        return InTurn(PressedTouches(letter, self.options, self._reach, trial, seed))
+        return PressedTouches(letter, self.options, self._reach, trial, seed)
 
     @cached_property
     def _reach(self) -> float:
@@ -44,7 +44,7 @@ class OnDemand:
         return max(stage_for(self.options.pad, one).reach for one in letters_of(self.options))
 
 
-class PressedTouches:
+class PressedTouches(ListedTouches):
     """The touches of one trial: as many poses as a scan has, x and y within `reach` mm of the robot's origin.
 
     They depend on the trial's number and the seed, and not on the letter. The error of a press depends on which touch
@@ -55,17 +55,15 @@ class PressedTouches:
         self._letter, self._options = letter, options
         self._purpose = f"trial {trial}"
         self._seed = seed
-        self._poses = random_poses(stream(seed, "touches", self._purpose), reach=reach)
+        self._offered = random_poses(stream(seed, "touches", self._purpose), reach=reach)
+        super().__init__(len(self._offered))
         self._gain = gains(options)
-        self._felt = np.zeros((len(self._poses), options.pad.taxels))
+        self._felt = np.zeros((len(self._offered), options.pad.taxels))
         self._count = 0
-
-    def __len__(self) -> int:
-        return len(self._poses)
 
     def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses that are offered (n, 3); they do not depend on where the object is."""
-        return self._poses
+        return self._offered
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
         """Press at the pose of this index: (taxels,) kPa, or None if the press does not come to rest."""
@@ -73,7 +71,7 @@ class PressedTouches:
         def draw(purpose: str) -> np.random.Generator:
             return stream(self._seed, self._letter.name, self._purpose, f"touch {index}", purpose)
 
-        stated = compose(robot_in_object, self._poses[index])[None]
+        stated = compose(robot_in_object, self._offered[index])[None]
         pressed = press_at(as_pressed(self._letter, stated, "test", self._options, draw), self._options)
         if pressed.blanks:
             return None

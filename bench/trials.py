@@ -57,7 +57,7 @@ class Touch(NamedTuple):
 
 
 class Touches(Protocol):
-    """The touches of one trial, among which the next is chosen: `InTurn` in the plane, `SolidTouches` in space."""
+    """The touches of one trial, among which the next is chosen: `ListedTouches` in the plane, or `SolidTouches`."""
 
     def shuffle(self, rng: np.random.Generator) -> None:
         """Take them in random order, where it is not random anyway."""
@@ -70,31 +70,28 @@ class Touches(Protocol):
 
 
 class Press(Protocol):
-    """Where the touches of a trial come from if not from the scan: `OnDemand`, `MeasuredTrials`, `SolidPress`."""
+    """What presses the touches of a trial on demand: `OnDemand` in the plane, `SolidPress` in space."""
 
     def touches(self, truth: str, trial: int, seed: int) -> Touches:
         """Offer the touches of one trial."""
 
 
-class ListedTouches(Protocol):
-    """Touches in the plane that are known before the first is taken, numbered from 0."""
+class ListedTouches:
+    """Touches in the plane that are known before the first is taken, numbered from 0.
 
-    def __len__(self) -> int: ...
+    Each is taken once, in their order unless they are shuffled; see `Touches`.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._left = np.arange(count)
 
     def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
-        """Give their poses (n, 3), the object being where it is."""
+        """Give the poses (n, 3) of all touches, the object being where it is."""
+        raise NotImplementedError
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
-        """Take one: (taxels,) kPa, or its images (frames, taxels), or None if it gives no reading."""
-
-
-class InTurn:
-    """Take each of the listed touches once, in their order unless they are shuffled; see `Touches`."""
-
-    def __init__(self, listed: ListedTouches) -> None:
-        self.listed = listed
-        self._left = np.arange(len(listed))
-        self._where = b""  # the object at `_poses`, as bytes: arrays take longer to compare
+        """Give one reading: (taxels,) kPa, or its images (frames, taxels), or None if there is none."""
+        raise NotImplementedError
 
     def shuffle(self, rng: np.random.Generator) -> None:
         """Take them in random order."""
@@ -102,59 +99,34 @@ class InTurn:
 
     def offer(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) of those that were not taken yet."""
-        where = robot_in_object.tobytes()
-        if where != self._where:
-            self._where, self._poses = where, self.listed.sensor_in_robot(robot_in_object)
-        return self._poses.take(self._left, axis=0)
+        self._poses = self.sensor_in_robot(robot_in_object)
+        return self._poses[self._left]
 
     def take(self, chosen: int, robot_in_object: FloatArray) -> Touch | None:
         """Take one of those just offered; None if it gives no reading."""
         number = int(self._left[chosen])
-        self._left = np.concatenate([self._left[:chosen], self._left[chosen + 1 :]])
-        reading = self.listed.reading(number, robot_in_object)
+        self._left = np.delete(self._left, chosen)
+        reading = self.reading(number, robot_in_object)
         return None if reading is None else Touch(number, reading, self._poses[number])
 
 
-@dataclass(frozen=True, eq=False)
-class RecordedTouches:
+class RecordedTouches(ListedTouches):
     """The test readings of a scan, around the object; with `sequences` the images of each, (frames, taxels)."""
 
-    test: Scan
-    sequences: bool = False
-
-    def __len__(self) -> int:
-        return len(self.test)
+    def __init__(self, test: Scan, sequences: bool = False) -> None:
+        super().__init__(len(test))
+        self._test, self._sequences = test, sequences
 
     def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) at which the readings were taken, moved with the object."""
-        return compose(invert(robot_in_object), self.test.poses)
+        return compose(invert(robot_in_object), self._test.poses)
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
         """Give the reading of this index, wherever the object is."""
-        if self.sequences:
-            assert self.test.sequence is not None
-            return self.test.sequence[index].astype(float)
-        return self.test.readings[index]
-
-
-@dataclass(frozen=True, eq=False)
-class TouchesOfOnePress:
-    """Take each trial's touches from one test press of a scan, the presses of a letter in turn, from any of them on.
-
-    So it is where nobody knows how the presses lie to each other, but how the windows of one do. Presses with fewer
-    readings than a trial takes are left out.
-    """
-
-    scan: Scan
-    readings: int
-
-    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
-        """Offer the touches of one trial of `truth`."""
-        test = self.scan.where("test", truth)
-        press, count = _counted_presses(test)
-        enough = np.unique(press[count >= self.readings])
-        first = generator(seed, OneTrial(truth, 0), 4).integers(len(enough))
-        return InTurn(RecordedTouches(test.chosen(press == enough[(first + trial) % len(enough)])))
+        if self._sequences:
+            assert self._test.sequence is not None
+            return self._test.sequence[index].astype(float)
+        return self._test.readings[index]
 
 
 def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -357,7 +329,7 @@ def run_trial(
     rng = generator(seed, task, 0)
     first = hidden_pose(test, rng)
     touches = (
-        InTurn(RecordedTouches(test, estimator.takes_sequences))
+        RecordedTouches(test, estimator.takes_sequences)
         if press is None
         else press.touches(task.truth, task.trial, seed)
     )
@@ -478,11 +450,11 @@ TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
 class TrialPlan:
     """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
 
-    press: what presses on demand; None if the readings are those of the scan. forward: what makes the forward model of
-    a scan, for an estimator that asks for one. given: an estimator made in Python, as
-    it is or pickled for a worker; None if `estimator` is a registered name. each_held_out: whether the letter of a
-    trial is left out of what the estimator knows. solids: what the error needs of each object in space; None in the
-    plane, where the scan says it.
+    press: what presses on demand; None if the readings are those of the scan. measured: whether those were measured for
+    the trials, for each letter those of its first trial, then the next. forward: what makes the forward model of a
+    scan, for an estimator that asks for one. given: an estimator made in Python, as it is or pickled for a worker; None
+    if `estimator` is a registered name. each_held_out: whether the letter of a trial is left out of what the estimator
+    knows. solids: what the error needs of each object in space; None in the plane, where the scan says it.
     """
 
     estimator: str
@@ -496,7 +468,24 @@ class TrialPlan:
     forward: Callable[[Scan], ForwardModel] | None = None
     given: Estimator | bytes | None = None
     each_held_out: bool = False
+    measured: bool = False
     solids: Mapping[str, Placement] | None = None
+
+    def test_readings(self, task: OneTrial) -> Scan:
+        """Give the test readings of a letter that a trial may take.
+
+        Those measured for the trials are its own. Where nobody knows how the presses lie to each other, but how the
+        windows of one do, they are those of one press: the presses that have enough in turn, from any of them on.
+        """
+        test = self.scan.where("test", task.truth)
+        if self.measured:
+            return test.chosen(np.arange(task.trial * self.readings, (task.trial + 1) * self.readings))
+        if not poses_unknown(self.scan):
+            return test
+        press, count = _counted_presses(test)
+        enough = np.unique(press[count >= self.readings])
+        first = generator(self.seed, OneTrial(task.truth, 0), 4).integers(len(enough))
+        return test.chosen(press == enough[(first + task.trial) % len(enough)])
 
     def letters_known(self, truth: str) -> tuple[str, ...]:
         """List the letters that an estimator knows in the trials of the letter `truth`."""
@@ -568,7 +557,6 @@ def run_trials(
 
     progress("trials", done, total) is called after each.
     """
-    tests = {truth: plan.scan.where("test", truth) for truth in {task.truth for task in tasks}}
     objects = plan.solids or properties(plan.scan)
     work: Counter[str] = Counter()
     done: list[Trials] = []
@@ -580,7 +568,7 @@ def run_trials(
             for task in of_letter:
                 done.append(
                     run_trial(
-                        fitted, tests[truth], task, letters=letters,
+                        fitted, plan.test_readings(task), task, letters=letters,
                         readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
                         slip=plan.slip, press=plan.press,
                     )
@@ -630,4 +618,6 @@ def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[s
     return run_trials(plan, _last.estimator, tasks, progress=silent)
 
 
-_last = threading.local()  # what a worker fitted last; a worker of Dask may have several threads, each with its own
+_last = (
+    threading.local()
+)  # what a worker fitted last; a worker of Dask may have several threads, each with its own

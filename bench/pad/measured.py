@@ -1,16 +1,15 @@
-"""Trials measured on a pad: a folder with the recording of each, as readings of a scan and as touches of trials."""
+"""Trials measured on a pad: a folder with the recording of each, as readings of a scan."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.trials import InTurn, RecordedTouches
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
@@ -114,17 +113,3 @@ def taken_as_letters(scan: Scan) -> list[str]:
     return [
         f"{' '.join(taken)}: placements count as those of the catalogue's letters (centre, inertia, symmetry)"
     ]
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredTrials:
-    """Give each trial the touches that were measured for it. scan: as `measured_scan` orders it."""
-
-    scan: Scan
-    readings: int
-
-    def touches(self, truth: str, trial: int, seed: int) -> InTurn:
-        """Offer the touches of one trial of `truth`."""
-        test = self.scan.where("test", truth)
-        own = np.arange(trial * self.readings, (trial + 1) * self.readings)
-        return InTurn(RecordedTouches(test.chosen(own)))

@@ -190,7 +190,7 @@ def _pressed_again(options: Any, config: RunConfig) -> Scan:
 def _recognise(
     entry: Pooled, estimator: Estimator, plan: TrialPlan, task: OneTrial, kind: str
 ) -> Recognition:
-    test = plan.scan.where("test", task.truth)
+    test = plan.test_readings(task)
     estimates: list[Estimate] = []
     beliefs: list[PlaneBelief] = []
     pressures: list[FloatArray] = []

@@ -42,19 +42,19 @@ class Heard(Witness):
 def test_a_trial_takes_one_press_and_presses_take_turns():
     scan = windows()
     run = tactsim.run(scan=scan, estimator=Heard(Options()), trials=PRESSES, readings=5)
-    test = {letter: scan.where("test", letter) for letter in "AB"}
+    every = scan.where("test", "B")
     plan, taken = run.plan, []
-    for trial in range(PRESSES):
+    for task in (OneTrial("B", trial) for trial in range(PRESSES)):
         estimator = Heard(Options())
         run_trial(
-            estimator, test["B"], OneTrial("B", trial), letters="AB", readings=5, seed=0,
-            of=properties(scan)["B"], press=plan.press,
+            estimator, plan.test_readings(task), task, letters="AB", readings=5, seed=0,
+            of=properties(scan)["B"],
         )  # fmt: skip
         pressed = {int(reading[0]) for reading, _ in estimator.seen}
         assert len(pressed) == 1
         taken += pressed
         # What is true of the touches is how they lie to the first, and no more.
-        own = test["B"].chosen(test["B"].readings[:, 0] == taken[-1])
+        own = every.chosen(every.readings[:, 0] == taken[-1])
         poses = np.array([own.poses[own.readings[:, 1] == reading[1]][0] for reading, _ in estimator.seen])
         told = np.array([pose for _, pose in estimator.seen])
         apart, expected = compose(invert(told[0]), told), compose(invert(poses[0]), poses)

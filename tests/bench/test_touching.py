@@ -60,7 +60,7 @@ def test_candidates_say_nothing_of_the_object():
 
 
 def test_a_touch_is_what_a_press_there_reads():
-    touches = OnDemand(IDEAL).touches("A", 3, 0).listed
+    touches = OnDemand(IDEAL).touches("A", 3, 0)
     poses = touches.sensor_in_robot(TRUTH)
     felt = 0
     for index in (0, 50, 191, 7):
@@ -72,7 +72,7 @@ def test_a_touch_is_what_a_press_there_reads():
 
 def test_touches_have_the_errors_and_noise_of_the_scan():
     def readings(**options):
-        touches = OnDemand(IDEAL.model_copy(update=options)).touches("A", 0, 0).listed
+        touches = OnDemand(IDEAL.model_copy(update=options)).touches("A", 0, 0)
         return np.array([touches.reading(index, np.zeros(3)) for index in range(40)])
 
     exact = readings()
@@ -90,7 +90,7 @@ def test_touches_have_the_errors_and_noise_of_the_scan():
 
 
 def test_a_reading_depends_on_the_touch_and_on_how_many_came_before_but_not_on_which():
-    one, other, fresh = (OnDemand(ScanOptions()).touches("E", 0, 0).listed for _ in range(3))
+    one, other, fresh = (OnDemand(ScanOptions()).touches("E", 0, 0) for _ in range(3))
     late = [one.reading(index, TRUTH) for index in (4, 9, 30)][-1]
     assert np.array_equal([other.reading(index, TRUTH) for index in (100, 5, 30)][-1], late)
     assert not np.array_equal(fresh.reading(30, TRUTH), late)
@@ -99,7 +99,7 @@ def test_a_reading_depends_on_the_touch_and_on_how_many_came_before_but_not_on_w
 def test_lag_and_drift_know_the_touches_before():
     def felt(**sensor):
         options = IDEAL.model_copy(update={"sensor": IDEAL.sensor.model_copy(update=sensor)})
-        touches = OnDemand(options).touches("E", 0, 0).listed
+        touches = OnDemand(options).touches("E", 0, 0)
         return np.array([touches.reading(index, np.zeros(3)) for index in range(5)])
 
     exact = felt()
@@ -112,7 +112,7 @@ def test_lag_and_drift_know_the_touches_before():
 
 def test_a_press_that_does_not_come_to_rest_is_no_reading():
     press = OnDemand(ScanOptions(placement_tilt=0.0, press=PressOptions(wrist_stiffness=16.0)))
-    touches = press.touches("O", 0, 0).listed
+    touches = press.touches("O", 0, 0)
     assert any(touches.reading(index, TRUTH) is None for index in range(20))
     last = Last()
     found = trial_of(last, press, readings=10)

@@ -8,8 +8,9 @@ import pytest
 from command_line import refused
 
 import tactsim
-from tactsim.bench.pad.measured import MeasuredTrials, measured_scan, poses_to_press, recording_of
+from tactsim.bench.pad.measured import measured_scan, poses_to_press, recording_of
 from tactsim.bench.results import load
+from tactsim.bench.trials import OneTrial, TrialPlan
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions
 
@@ -51,9 +52,10 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert np.array_equal(scan.readings[:3], kept.readings)
     for number, (letter, trial) in enumerate((letter, trial) for letter in "IO" for trial in range(2)):
         own = scan_of_sessions([recording_of(folder, letter, trial)])
-        touches = MeasuredTrials(scan, 3).touches(letter, trial, seed=0).listed
-        assert np.array_equal(touches.test.readings, own.readings)
-        assert np.array_equal(touches.test.poses, own.poses)
+        plan = TrialPlan("refined", {}, scan, readings=3, seed=0, measured=True)
+        test = plan.test_readings(OneTrial(letter, trial))
+        assert np.array_equal(test.readings, own.readings)
+        assert np.array_equal(test.poses, own.poses)
         assert sorted(run.trials.reading[number]) == [0, 1, 2]
 
     # What is measured once serves every estimator, without a pad; and a run can be done again from its own settings.
