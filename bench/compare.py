@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from tactsim.bench.config import RunConfig, flag_of
+from tactsim.bench.config import RunConfig, flags_of
 from tactsim.bench.results import Run
 from tactsim.bench.score import FEWEST_PAIRS, Scored, settled_by
 from tactsim.core import InputError
@@ -126,10 +126,10 @@ def what_to_align(
 
     base, new: what was asked. names: the fields of `model` that count.
     """
-    flags = [flag_of(name, model.model_fields[name]) for name in names if base.get(name) != new.get(name)]
+    flags = [flags_of(name, model.model_fields[name])[0] for name in names if base.get(name) != new.get(name)]
     if not flags:
         return "their options are the same: do both again with one version of tactsim and the same readings"
-    return f"give both the same {', '.join(map(str, flags))}"
+    return f"give both the same {', '.join(flags)}"
 
 
 def _check_same_trials(base: Run, new: Run) -> None:

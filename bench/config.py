@@ -113,16 +113,16 @@ EACH = "each"  # of hold_out: every trial's own letter is held out, one after an
 
 
 @dataclass(frozen=True)
-class Flag:
-    """The name of a field's option if it is not the field's own; None if the command line does not have it."""
+class Flags:
+    """The names of a field's option if they are not the field's own; none if the command line does not have it."""
 
-    name: str | None
+    names: tuple[str, ...]
 
 
-def flag_of(name: str, field: FieldInfo) -> str | None:
-    """Name a field's option, such as --test-poses; None if the command line does not have it."""
-    flags = [mark.name for mark in field.metadata if isinstance(mark, Flag)]
-    return flags[0] if flags else f"--{name.replace('_', '-')}"
+def flags_of(name: str, field: FieldInfo) -> tuple[str, ...]:
+    """Name a field's option, such as --test-poses; nothing if the command line does not have it."""
+    flags = [mark.names for mark in field.metadata if isinstance(mark, Flags)]
+    return flags[0] if flags else (f"--{name.replace('_', '-')}",)
 
 
 def _letters(words: Any) -> Any:
@@ -242,7 +242,7 @@ class ScanWords(BaseModel):
         description="Which letters: AEIOU, A-Z0-9, A,E,I, or none beside shapes. Of a file its labels: bolt,nut. "
         "Default: AEIOU, or all that the file holds.",
     )
-    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flag("--shape")] = Field(
+    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flags(("--shape",))] = Field(
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
     test_poses: Literal["same", "random"] = Field(
@@ -255,7 +255,7 @@ class ScanWords(BaseModel):
         "classes), handheld (loads, tilt, response), resistive (cross-talk of an unguarded matrix), ideal, slip (the "
         "object moves between touches), or a file of `bench validate`.",
     )
-    pad: Annotated[str | None, BeforeValidator(_text_of_path)] = Field(
+    pad: Annotated[str | None, BeforeValidator(_text_of_path), Flags(("--pad", "--device"))] = Field(
         None,
         description="The pad: a file of its measures or of a device (.toml), or a built-in name; `bench devices` names "
         "them. Default: the paper's.",
@@ -346,7 +346,7 @@ class RunConfig(ScanWords):
         False,
         description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses.",
     )
-    given: Annotated[str | None, Flag(None)] = Field(
+    given: Annotated[str | None, Flags(())] = Field(
         None, description="Digest of the readings that were given in Python."
     )
     task: str | None = Field(

@@ -51,9 +51,6 @@ def command(
             rich_help_panel=guide.PANEL,
         ),
     ] = None,
-    device: Annotated[
-        str, typer.Option(help="Another name of --pad, beside --port.", rich_help_panel=guide.PANEL)
-    ] = "emulated",
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file of `bench tare`.", rich_help_panel=guide.PANEL)
     ] = None,
@@ -70,7 +67,7 @@ def command(
     from tactsim.bench.terminal import print_places, print_run, progress_bars
 
     if port is None:
-        names = ("device", "calibration", "frames", "force", "patience", "seen")
+        names = ("calibration", "frames", "force", "patience", "seen")
         refuse_typed(context, names, "is for a pad; say where that is with --port, or leave it out")
     elif other := next((name for name in ("task", "scan") if name in words), None):
         raise InputError(f"--port: a {other} has readings of its own; leave out --port or --{other}")
@@ -82,10 +79,7 @@ def command(
         words |= {name: value for name, value in of_space.items() if value is not None}
     else:
         refuse_typed(context, of_space, shared.OUTSIDE)
-    if port is not None and "pad" in words:
-        if is_typed(context, "device"):
-            raise InputError("--pad and --device are one option; leave one out")
-        device = words.pop("pad")
+    device = "emulated" if port is None else words.pop("pad", "emulated")
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
     config = any_config(**words)

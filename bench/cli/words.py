@@ -11,7 +11,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import flag_of, flat, key_values
+from tactsim.bench.config import flags_of, flat, key_values
 from tactsim.core.errors import InputError
 
 Words = Mapping[str, Any]
@@ -24,7 +24,7 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
     """
     # A model's own fields come before those that it inherits.
     names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
-    fields = {name: model.model_fields[name] for name in names if flag_of(name, model.model_fields[name])}
+    fields = {name: model.model_fields[name] for name in names if flags_of(name, model.model_fields[name])}
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
@@ -32,7 +32,7 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
             words = {name: value for name, value in words.items() if value is not None}
             for name, field in fields.items():
                 if name in words and get_origin(field.annotation) is dict:
-                    words[name] = key_values(words[name], str(flag_of(name, field)))
+                    words[name] = key_values(words[name], flags_of(name, field)[0])
             verb(words, **typed)
 
         own = [
@@ -49,7 +49,7 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     default = field.default if isinstance(field.default, str | int) else None
-    option = typer.Option(flag_of(name, field), help=field.description, show_default=default is not None)
+    option = typer.Option(*flags_of(name, field), help=field.description, show_default=default is not None)
     return inspect.Parameter(
         name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[_typed(field), option]
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import SOLIDS, Flag, Noise, as_paths, merged, nested, whole_number
+from tactsim.bench.config import SOLIDS, Flags, Noise, as_paths, merged, nested, whole_number
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 
@@ -40,7 +40,7 @@ class SpaceWords(BaseModel):
         None,
         description="Which objects: bolt,nut,key, or 30 for the first thirty, or none beside shapes. Default: 12.",
     )
-    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flag("--shape")] = ()
+    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flags(("--shape",))] = ()
     noise: Noise = None
     scan_set: Annotated[dict[str, Any], BeforeValidator(nested)] = {}
     seed: int = Field(0, ge=0, lt=2**63)
