@@ -23,6 +23,8 @@ def command(
     pad: Annotated[
         str | None,
         typer.Option(
+            "--pad",
+            "--device",
             metavar="FILE|NAME",
             help="Of .npz, .mat and .csv files: the pad, a file of its measures or of a device (.toml), or a built-in "
             "name; `bench devices` names them.",
