@@ -56,7 +56,7 @@ class BagOfFeatures(ReadingClassifier):
         smoothed = counts + _UNSEEN
         self._log_share = np.log(smoothed / smoothed.sum(axis=1, keepdims=True))
 
-    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
         self._evaluated += len(self.words)
         return np.asarray(self._log_share[:, self._nearest(reading[None])[0]])
 

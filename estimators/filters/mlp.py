@@ -137,7 +137,7 @@ class Mlp(ReadingClassifier):
         p = np.asarray(net.predict_proba(self._seen(readings)), dtype=float)
         return np.log((1 - _OUTLIER) * p + _OUTLIER / p.shape[1])
 
-    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
         self._evaluated += 1
         if self._net is None:
             return np.zeros(len(self.labels))

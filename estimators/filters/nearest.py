@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import Field
 
 from tactsim.core import Scan, compose, invert
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
+from tactsim.estimators.estimator import Options, check_order
+from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 
 # The least kernel width, as a share of the training readings' root mean square.
 _LEAST_WIDTH = 1e-4
@@ -27,22 +25,17 @@ class NearestOptions(Options):
     )
 
 
-class Nearest(Estimator):
+class Nearest(ReadingClassifier):
     """Estimate p(reading | letter) by a Gaussian kernel on each training reading of the letter (Parzen 1962).
 
     It asks only whether a reading looks like one that was trained, not whether the readings of a sequence fit
     together in space. So it shows how much of a task is done by remembering readings.
+
+    The place is that of the reading of the sequence that was most like one of its training readings.
     """
 
     options_type = NearestOptions
-    draws = False
-
-    def __init__(self, options: NearestOptions) -> None:
-        super().__init__(options)
-        self._given = options.width
-        self.labels: tuple[str, ...] = ()
-        self._started = False
-        self._compared = 0
+    options: NearestOptions
 
     def fit(self, scan: Scan) -> None:
         """Keep the training readings, in the order of their letters, and learn the kernel's width.
@@ -53,7 +46,7 @@ class Nearest(Estimator):
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
-        self.labels = train.letters
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
         of_letters = [train.where(label=label) for label in self.labels]
         self._readings = np.concatenate([known.readings for known in of_letters])
         self._poses = np.concatenate([known.poses for known in of_letters])
@@ -61,55 +54,32 @@ class Nearest(Estimator):
         self._first = np.cumsum([0, *counts[:-1]])
         self._log_count = np.log(counts)
         nearest = np.concatenate([_nearest_squares(known.readings) for known in of_letters])
-        learned = np.sqrt(nearest.mean() / self._readings.shape[1]) if len(nearest) else 0.0
+        learned = np.sqrt(nearest.mean() / self.taxels) if len(nearest) else 0.0
         # Alike to the bit, readings have no width: then a small share of what they are, in whatever unit.
         least = _LEAST_WIDTH * float(np.sqrt((self._readings**2).mean()))
-        self.width = self._given or max(float(learned), least) or 1.0
+        self.width = self.options.width or max(float(learned), least) or 1.0
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
-        check_order(bool(self.labels), "fit", "reset")
-        self._log_p = np.zeros(len(self.labels))
-        self._started = True
+        super().reset(rng)
         self._unlike = np.full(len(self.labels), np.inf)
-        self._robot_in_object = np.zeros((len(self.labels), 3))
 
-    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) kPa at the pose sensor_in_robot [mm, mm, rad]."""
-        check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, pose = check_reading(reading, sensor_in_robot, self._readings.shape[1])
-        squares = ((self._readings - values) ** 2).sum(axis=1)
-        # Relative to the nearest of all, so that letters stay apart however far away all readings are.
-        log_kernel = (squares - squares.min()) / (-2 * self.width**2)
-        self._log_p += np.logaddexp.reduceat(log_kernel, self._first) - self._log_count
-        self._compared += len(squares)
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
+        squares = ((self._readings - reading) ** 2).sum(axis=1)
+        self._evaluated += len(squares)
         # Of the sequence, the match with the least difference per pressure says where: that of a reading beside the
         # letter, where there is next to no pressure, says nothing.
         best = [
             first + of_letter.argmin()
             for first, of_letter in zip(self._first, np.split(squares, self._first[1:]), strict=True)
         ]
-        unlike = squares[best] / max((values**2).sum(), 1e-12)
+        unlike = squares[best] / max((reading**2).sum(), 1e-12)
         closer = unlike < self._unlike
         self._unlike[closer] = unlike[closer]
-        self._robot_in_object[closer] = compose(self._poses[best][closer], invert(pose))
-
-    def estimate(self) -> Estimate:
-        """Say which letter it is, and the place by the reading that was most like one of its training readings."""
-        check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._log_p - self._log_p.max())
-        p /= p.sum()
-        best = int(p.argmax())
-        return Estimate(
-            self.labels[best],
-            dict(zip(self.labels, p.tolist(), strict=True)),
-            self._robot_in_object[best].copy(),
-        )
-
-    @property
-    def work(self) -> dict[str, Any]:
-        """Count the training readings that were compared."""
-        return {"likelihood_evaluations": self._compared, "skipped": {}}
+        self._robot_in_object[closer] = compose(self._poses[best][closer], invert(sensor_in_robot))
+        # Relative to the nearest of all, so that letters stay apart however far away all readings are.
+        log_kernel = (squares - squares.min()) / (-2 * self.width**2)
+        return np.asarray(np.logaddexp.reduceat(log_kernel, self._first) - self._log_count)
 
 
 def _nearest_squares(readings: FloatArray) -> FloatArray:

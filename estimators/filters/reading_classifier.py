@@ -1,4 +1,4 @@
-"""What estimators share that name the letter of each reading, whatever its pose: Bayes' rule over the readings."""
+"""What estimators share that name the letter of each reading by itself: Bayes' rule over the readings."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from tactsim.estimators.filters.states import probabilities
 class ReadingClassifier(Estimator):
     """Multiply what each reading says of the letter (naive Bayes). A subclass implements `fit` and `_log_p_of`.
 
-    Poses are not looked at, so nothing is said of where the object lies: the pose is always the middle of the prior,
-    0, 0, 0, which has the least expected squared error while nothing is known.
+    Readings are not fitted together in space. Unless a subclass says where the object lies, the pose is always the
+    middle of the prior, 0, 0, 0, which has the least expected squared error while nothing is known.
 
-    labels: the letters. taxels: of a reading. Both are set by `fit`. _evaluated: what `work` counts.
+    labels: the letters. taxels: of a reading. Both are set by `fit`. _robot_in_object: (letters, 3) what is said of the
+    pose. _evaluated: what `work` counts.
     """
 
     draws = False
@@ -35,19 +36,20 @@ class ReadingClassifier(Estimator):
         """Forget the sequence: every letter is equally probable again."""
         check_order(bool(self.labels), "fit", "reset")
         self._sum = np.zeros(len(self.labels))
+        self._robot_in_object = np.zeros((len(self.labels), 3))
         self._started = True
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
-        """Take in one reading (taxels,) in the scan's unit; its pose is checked and not used."""
+        """Take in one reading (taxels,) in the scan's unit at the pose sensor_in_robot [mm, mm, rad]."""
         check_order(self._started, "reset" if self.labels else "fit", "update")
-        values, _ = check_reading(reading, sensor_in_robot, self.taxels)
-        self._sum += self._log_p_of(values)
+        self._sum += self._log_p_of(*check_reading(reading, sensor_in_robot, self.taxels))
 
     def estimate(self) -> Estimate:
-        """Say which letter it is; of the place nothing is known."""
+        """Say which letter it is, and what is known of the place."""
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
         p = np.exp(self._sum - self._sum.max())
-        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), np.zeros(3))
+        best = int(p.argmax())
+        return Estimate(self.labels[best], probabilities(self.labels, p), self._robot_in_object[best].copy())
 
     @property
     def work(self) -> dict[str, Any]:
@@ -55,5 +57,5 @@ class ReadingClassifier(Estimator):
         return {"likelihood_evaluations": self._evaluated, "skipped": {}}
 
     @abstractmethod
-    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
         """Say what a reading (taxels,) adds to the log-probability of each letter, (letters,), up to a constant."""

@@ -113,7 +113,7 @@ class Spectrum(ReadingClassifier):
         bounds = np.log([_COLDEST, _HOTTEST])
         return float(np.exp(minimize_scalar(surprise, bounds=bounds, method="bounded").x))
 
-    def _log_p_of(self, reading: FloatArray) -> FloatArray:
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
         features = (self._features(reading[None]) - self._mean) / self._spread
         scores = (features @ self._weights[:-1] + self._weights[-1]) / self.temperature
         self._evaluated += 1
