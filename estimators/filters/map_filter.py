@@ -157,7 +157,8 @@ class MapFilter(Estimator):
         maps = {label: chart for label, chart in self._maps.items() if self._object_of[label] != letter}
         other.fit_with(self.fitted_options, maps, self.frames.scan(rest).by_view()[0])
         if self.open_set is not None:
-            other.open_set = self.open_set.of(other.labels)
+            other.open_set = copy.copy(self.open_set)
+            other.open_set.reset()
         return other
 
     def fit_with(self, options: FilterOptions, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:

@@ -8,7 +8,6 @@ up in mosaics without itself.
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,7 +62,7 @@ class OpenSet:
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    labels: the letters. mosaics: of all of them. misfit: by letter, how its own readings fit, at each load.
+    mosaics: of all letters that were learned. misfit: by letter, how its own readings fit, at each load.
     """
 
     def __init__(self, options: OpenSetOptions, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -74,21 +73,11 @@ class OpenSet:
         if NONE in maps:
             raise InputError(f"a letter is called {NONE!r}: with unknown above 0 that means no known letter")
         self._unknown = options.unknown
-        self.labels = tuple(maps)
         self._taxel_xy = scan.taxel_xy
         self.mosaics = TiltedMosaics(options)
         self.mosaics.fit(scan, maps)
         self.misfit = {label: learn_misfit(self.mosaics, label) for label in maps}
         self.reset()
-
-    def of(self, labels: tuple[str, ...]) -> OpenSet:
-        """Make one of some of the letters; what was learned of their misfits does not depend on the others."""
-        other = copy.copy(self)
-        other.labels = labels
-        other.mosaics = self.mosaics.of(labels)
-        other.misfit = {label: self.misfit[label] for label in labels}
-        other.reset()
-        return other
 
     def reset(self) -> None:
         """Forget the sequence."""
@@ -119,7 +108,9 @@ class OpenSet:
         ranked = sorted(known.probabilities.items(), key=lambda item: -item[1])
         against = []
         for label, p in [item for item in ranked[:_ASKED] if item[1] > least]:
-            start = known.robot_in_object if label == known.label else self._likeliest(label, states())
+            start = known.robot_in_object
+            if label != known.label:
+                start = _likeliest(list(known.probabilities).index(label), states())
             pose = self.mosaics.fitting_pose(label, start, readings, poses)
             total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
             against.append(math.log(p) - log_odds(self.misfit[label], total, len(readings)))
@@ -137,10 +128,11 @@ class OpenSet:
         poses[moved] = compose(invert(last), compose(path[moved], poses[moved]))
         return readings, poses
 
-    def _likeliest(self, label: str, belief: WeightedStates) -> FloatArray:
-        """Find the most probable state of a letter, T_R^O."""
-        chosen = np.flatnonzero(belief.letter == self.labels.index(label))
-        return belief.state[:, chosen[belief.weights.log[chosen].argmax()]]
+
+def _likeliest(letter: int, belief: WeightedStates) -> FloatArray:
+    """Find the most probable state of a letter, T_R^O."""
+    chosen = np.flatnonzero(belief.letter == letter)
+    return belief.state[:, chosen[belief.weights.log[chosen].argmax()]]
 
 
 def log_odds(misfits: Sequence[Misfit], total: float, readings: int) -> float:

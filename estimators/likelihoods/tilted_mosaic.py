@@ -11,7 +11,7 @@ to each reading, under a Gaussian prior, before reading and object are compared.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,13 +116,6 @@ class TiltedMosaics:
             for label, mine in letters.items()
         }
         self._learn_errors()
-
-    def of(self, letters: Iterable[str]) -> TiltedMosaics:
-        """Give the mosaics of some of the letters; gains and errors stay what was learned from all."""
-        some = TiltedMosaics(self.options)
-        vars(some).update(vars(self))
-        some.mosaics = {label: self.mosaics[label] for label in letters}
-        return some
 
     def left_out(self, label: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the misfits of a letter's training readings (n,) each: near, far, and looked up elsewhere.
