@@ -1,4 +1,4 @@
-"""Learn an object's surface in space from training touches: distances on voxels, merged, foreseen and merged again."""
+"""Learn an object's surface in space from training touches: distances on voxels, merged of what touches felt."""
 
 from __future__ import annotations
 
@@ -57,22 +57,23 @@ class Chart(NamedTuple):
     surface: Surface
 
 
-def first_heights(
-    touches: Touches, rays: Rays, stiffness: float, least: float
-) -> tuple[FloatArray, FloatArray]:
-    """Read heights above the pad's plane off the pressures: (n, rows, columns) mm, and where there is contact.
+def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: float) -> FloatArray:
+    """Foresee how deep the surface lies in the layer at each ray: (n, rays) mm, as `feeling_kernels.feel` does."""
+    origin = np.column_stack([rays.xy, rays.base.ravel()])
+    found = np.empty((len(touches.places), len(origin)))
+    feel_all(voxels, origin, touches.places, touches.turns, deepest, ahead, found)
+    return found
 
-    least: kPa from which a taxel counts as touched.
+
+def learn_surface(touches: Touches, rays: Rays, stiffness: float, cell: float, stroke: float) -> Chart:
+    """Learn signed distances to an object's surface from its touches: heights read off the pressures, merged.
+
+    stiffness: kPa/mm of the pad's layer. cell: mm. stroke: mm over which the pad came.
     """
-    shape = (len(touches.readings), *rays.base.shape)
-    pressure = (touches.readings @ rays.to_rays.T).reshape(shape)
-    return rays.base - pressure / stiffness, (pressure > least).astype(float)
-
-
-def fuse(
-    touches: Touches, rays: Rays, heights: FloatArray, touched: FloatArray, cell: float, stroke: float
-) -> Chart:
-    """Merge heights (n, rows, columns) mm, where `touched` is 1, into signed distances."""
+    least = 0.1 * float(np.median(touches.readings.max(axis=1)))  # kPa from which a taxel counts as touched
+    pressure = (touches.readings @ rays.to_rays.T).reshape(len(touches.readings), *rays.base.shape)
+    # Heights above the pad's plane, (n, rows, columns) mm, and where there is contact.
+    heights, touched = rays.base - pressure / stiffness, (pressure > least).astype(float)
     xy = rays.xy.reshape(*rays.base.shape, 2)
     seen = np.concatenate([np.broadcast_to(xy, (*heights.shape, 2)), heights[..., None]], axis=-1)
     world = np.einsum("nij,nrcj->nrci", touches.turns, seen) + touches.places[:, None, None]
@@ -104,21 +105,3 @@ def fuse(
     return Chart(
         sparse(corner, cell, distance, _BAND), surface_of(corner, cell, distance, measured, spacing=_SPACING)
     )
-
-
-def depths(voxels: Voxels, touches: Touches, rays: Rays, deepest: float, ahead: float) -> FloatArray:
-    """Foresee how deep the surface lies in the layer at each ray: (n, rays) mm, as `feeling_kernels.feel` does."""
-    origin = np.column_stack([rays.xy, rays.base.ravel()])
-    found = np.empty((len(touches.places), len(origin)))
-    feel_all(voxels, origin, touches.places, touches.turns, deepest, ahead, found)
-    return found
-
-
-def learn_surface(touches: Touches, rays: Rays, stiffness: float, cell: float, stroke: float) -> Chart:
-    """Learn signed distances to an object's surface from its touches.
-
-    stiffness: kPa/mm of the pad's layer. cell: mm. stroke: mm over which the pad came.
-    """
-    least = 0.1 * float(np.median(touches.readings.max(axis=1)))
-    heights, touched = first_heights(touches, rays, stiffness, least)
-    return fuse(touches, rays, heights, touched, cell, stroke)

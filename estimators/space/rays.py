@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf
 
+from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
 
 _PARTS = 8  # of a ray's cell along each axis, over which what a taxel feels is averaged
@@ -46,19 +47,19 @@ def rays_over(points: FloatArray, per_taxel: int, spread: float, bounds: FloatAr
     surface that carries load; without it that is the taxels' own.
     """
     xy = points[:, :2]
-    pitch = _pitch(xy)
-    low, high = xy.min(axis=0) - pitch / 2, xy.max(axis=0) + pitch / 2
+    apart = pitch(xy) or 2.0  # mm, of a single taxel
+    low, high = xy.min(axis=0) - apart / 2, xy.max(axis=0) + apart / 2
     if bounds is not None:
         low, high = np.minimum(low, bounds[::2]), np.maximum(high, bounds[1::2])
-    step = pitch / per_taxel
+    step = apart / per_taxel
     counts = np.maximum(np.rint((high - low) / step).astype(int), 2)
     middle = (low + high) / 2
     x, y = (middle[axis] + step * (np.arange(counts[axis]) - (counts[axis] - 1) / 2) for axis in (0, 1))
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     squared = ((places[:, None] - xy[None]) ** 2).sum(axis=-1)
-    near = (squared - squared.min(axis=1, keepdims=True)) / (2 * (0.5 * pitch) ** 2)
+    near = (squared - squared.min(axis=1, keepdims=True)) / (2 * (0.5 * apart) ** 2)
     to_rays = _local_linear(places, xy, np.exp(-near))
-    along_x, along_y = _felt(x, step, xy[:, 0], pitch, spread), _felt(y, step, xy[:, 1], pitch, spread)
+    along_x, along_y = _felt(x, step, xy[:, 0], apart, spread), _felt(y, step, xy[:, 1], apart, spread)
     to_taxels = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(xy), -1)
     to_taxels[to_taxels < 0.003] = 0.0
     base = (to_rays @ points[:, 2]).reshape(len(y), len(x))
@@ -74,14 +75,6 @@ def _felt(rays: FloatArray, step: float, taxels: FloatArray, pitch: float, sprea
     edges = taxels[:, None] + pitch / 2 * np.array([-1.0, 1.0])
     away = (edges[:, None, None, :] - parts[None, :, :, None]) / (max(spread, 1e-3) * np.sqrt(2))
     return np.asarray(np.diff(erf(away), axis=-1)[..., 0].mean(axis=-1) / 2 * (step / pitch))
-
-
-def _pitch(xy: FloatArray) -> float:
-    """Give the usual distance mm from a taxel to its nearest neighbour."""
-    if len(xy) == 1:
-        return 2.0
-    apart = np.linalg.norm(xy[:, None] - xy[None], axis=-1) + np.where(np.eye(len(xy)), np.inf, 0.0)
-    return float(np.median(apart.min(axis=1)))
 
 
 def _local_linear(places: FloatArray, xy: FloatArray, weight: FloatArray) -> FloatArray:
