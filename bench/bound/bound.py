@@ -57,7 +57,9 @@ class Bound:
         figure = Picture(figsize=(4.5, 3.8), layout="constrained")
         axes = figure.subplots()
         axes.plot(np.arange(1, self.run.readings + 1), self.run.bound_mm, color="black", ls=(0, (5, 3)))
-        axes.set(yscale="log", ylabel="Cramer-Rao bound of the error, mm")
+        axes.set(ylabel="Cramer-Rao bound of the error, mm")
+        axes.set_ylim(bottom=0)
+        figure.suptitle(self.run.protocol, fontsize=10, parse_math=False)
         over_readings(axes, self.run.readings)
         return figure
 
