@@ -1,4 +1,4 @@
-"""`bench sweep`: many runs, resumed where they stopped."""
+"""`bench sweep`: many runs; those that a stopped sweep did are not done again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def command(
         typer.Option(help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME."),
     ] = None,
 ) -> None:
-    """Do many runs; a sweep that was stopped goes on where it was when it is started again."""
+    """Do many runs; a sweep that was stopped goes on with those that are missing when it is started again."""
     from tactsim.bench import sweep
     from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores
