@@ -421,12 +421,10 @@ def _drawn(
     from tactsim.core.pad import offsets  # brings pydantic, which a scan does without
 
     reach = np.array([offsets(scan.taxel_xy)] * 2 + [np.pi])
+    rows_of = {number: np.flatnonzero(letter == number) for number in np.unique(letter).tolist()}
     while True:
-        hidden = rng.choice(np.unique(letter), size=trials)
-        keys = np.where(letter == hidden[:, None], rng.random((trials, len(scan))), np.inf)
-        rows = np.argsort(keys, axis=1)[
-            :, :readings
-        ]  # an order of the object's readings, drawn for each trial
+        hidden = rng.choice(list(rows_of), size=trials)
+        rows = np.array([rng.choice(rows_of[number], readings, replace=False) for number in hidden.tolist()])
         robot_in_object = rng.uniform(-reach, reach, (trials, 3))
         sensor_in_robot = compose(invert(robot_in_object)[:, None], scan.poses[rows])
         yield Batch(scan.readings[rows], sensor_in_robot, hidden, robot_in_object)

@@ -33,9 +33,11 @@ LONG = {
 }  # fmt: skip
 MARKS = {page: [pytest.mark.slow] for page in SLOW} | {page: [pytest.mark.long] for page in LONG}
 
-# Files that pages name without showing them: a drawing of the reader's own, and the one that comes as an example.
-_PART = (Path(__file__).parents[2] / "examples" / "my-part.svg").read_text(encoding="utf-8")
-OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART}
+# Files that pages name without showing them: a drawing of the reader's own, and those that come as examples.
+_EXAMPLES = Path(__file__).parents[2] / "examples"
+_PART = (_EXAMPLES / "my-part.svg").read_text(encoding="utf-8")
+_HAND = (_EXAMPLES / "hand" / "hand.xml").read_text(encoding="utf-8")
+OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART, "examples/hand/hand.xml": _HAND}
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
@@ -77,7 +79,7 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
     monkeypatch.setattr("tactsim.bench.runs.figures.Picture.png", lambda picture, dpi=150: b"")
     for name, text in OWN.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     names = {"__name__": "page"}
     behind = []
@@ -193,7 +195,7 @@ def smaller_plan(source):
         if seen[label] <= PRESSES:
             kept.append(line)
     path = Path("smaller", source)
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("".join([heading, *kept]), encoding="utf-8")
     return str(path)
 
@@ -212,7 +214,7 @@ def smaller_sweep(source):
         small = (few if "trials" in one else {}) | ({"letters": "IL"} if "letters" in one else {})
         lines += ["[[run]]", *map(first, (one | small).items())]
     path = Path("smaller", Path(str(given)).name)
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines), encoding="utf-8")
     return path
 
