@@ -82,6 +82,16 @@ class SpaceConfig(SpaceWords):
             raise ValueError("a hand is not led by information; leave out hand or explore")
         return self
 
+    @cached_property
+    def scan_options(self) -> SpaceOptions:
+        """Resolve the options of the scan, with the hand's kind of pad. Raises InputError for the first wrong value."""
+        options = super().scan_options
+        if self.hand is None:
+            return options
+        from tactsim.bench.space.touching import load_hand
+
+        return load_hand(self.hand).options(options)
+
     @property
     def options(self) -> dict[str, Any]:
         """Give the estimator's options."""
@@ -119,10 +129,6 @@ def space_config(**words: Any) -> SpaceConfig:
     check_words(words, SpaceConfig, "run")
     config = checked(SpaceConfig, words, "run")
     _ = config.scan_options
-    if config.hand is not None:
-        from tactsim.bench.space.touching import load_hand
-
-        load_hand(config.hand)
     return config
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import combinations
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from tactsim.core.documents import read_toml
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses, compose, matrix
+from tactsim.press.space.pad_lattice import pad_lattice
 from tactsim.press.space.space_options import SpaceOptions
 from tactsim.press.space.space_press import SpacePress, Touched, advanced, misplaced
 
@@ -48,6 +50,8 @@ class Hand(BaseModel):
     model_config = _FROZEN
 
     name: str = Field("hand", min_length=1, max_length=100)
+    body: Literal["flat", "cylinder", "sphere"] = Field("flat", description="what every pad is laid on")
+    radius: float | None = Field(None, gt=0, le=1e6, description="mm of the cylinders or spheres")
     pads: tuple[HandPad, ...] = Field(min_length=2, max_length=5)
 
     @classmethod
@@ -55,21 +59,32 @@ class Hand(BaseModel):
         """Read a hand from a TOML file. Raises InputError if it cannot be read or a value is wrong."""
         return checked(cls, read_toml(path, "hand"), f"hand {path}")
 
+    def options(self, options: SpaceOptions) -> SpaceOptions:
+        """Give the options with the hand's pads: with them a scan teaches what such a pad feels.
+
+        Raises InputError if a radius is missing or given for flat pads.
+        """
+        values = options.model_dump() | {"body": self.body, "radius": self.radius}
+        return checked(SpaceOptions, values, f"hand {self.name}")
+
 
 class HandPress:
     """A hand that touches objects: all pads close at once, each along its z axis until it carries the force.
 
     A pad that carries the force, ends its stroke or would run into another pad of the hand stops; the others go on. The
     hand is stiff: where it is off its stated pose, all its pads are.
-    Raises InputError if two pads overlap where their strokes begin.
+    Raises InputError if two pads overlap where their strokes begin, or a pad does not fit its body.
     """
 
     def __init__(self, solids: Iterable[models.Solid], hand: Hand, options: SpaceOptions) -> None:
-        self.press = SpacePress(solids, options)
+        self.hand, self.options = hand, hand.options(options)
+        self.press = SpacePress(solids, self.options)
         self._pads = checked_poses([pad.pose for pad in hand.pads], "pads")
         self._strokes = np.array([pad.stroke for pad in hand.pads])
+        lattice = pad_lattice(self.options)
         x_low, x_high, y_low, y_high = options.pad.load_bounds
-        self._box = np.array([[x_low, y_low, -options.thickness], [x_high, y_high, 0.0]])
+        back = float(np.nanmin(lattice.points.surface)) - options.thickness
+        self._box = np.array([[x_low, y_low, back], [x_high, y_high, 0.0]])
         for first, second in combinations(range(len(self._pads)), 2):
             if _overlap(self._pads[[first]], self._pads[[second]], self._box, 0.0)[0]:
                 raise InputError(
@@ -86,7 +101,7 @@ class HandPress:
         start = checked_poses(start, "start")
         if start.shape != (7,):
             raise InputError(f"start has shape {start.shape}; it is one pose, (7,)")
-        true = start if rng is None else misplaced(start, self.press.options, rng)
+        true = start if rng is None else misplaced(start, self.options, rng)
         stated, true = compose(start, self._pads), compose(true, self._pads)
         touched = self.press.touch_from(label, stated, true, self._strokes)
         stops = self._stops(touched.travel)

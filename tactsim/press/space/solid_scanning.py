@@ -35,7 +35,7 @@ def scan_solids(
 
     Raises InputError for an object or mesh that does not exist, or is none that can be touched.
     """
-    solids, taxel_xy = solids_of(options), options.pad.taxel_xy
+    solids = solids_of(options)
     press = SpacePress(solids, options)
     done, total = 0, len(solids) * (options.points * options.turns + options.tests)
     batches, labels, splits = [], [], []
@@ -59,14 +59,14 @@ def scan_solids(
         poses=np.concatenate([batch.stated for batch in batches]),
         labels=np.array(labels),
         split=np.array(splits),
-        taxel_points=np.column_stack([taxel_xy, np.zeros(len(taxel_xy))]),
-        taxel_normals=np.tile((0.0, 0.0, 1.0), (len(taxel_xy), 1)),
+        taxel_points=press.lattice.taxel_points,
+        taxel_normals=press.lattice.taxel_normals,
         touch=np.arange(len(labels)),
         meta={
             "source": "simulated",
             "options": options.model_dump(mode="json"),
             "stroke": options.stroke,
-            "load_bounds": options.pad.load_bounds,
+            **({"load_bounds": options.pad.load_bounds} if options.radius is None else {}),
             "objects": {solid.name: solid.facts() for solid in solids},
             "versions": {"numpy": np.__version__, "tactsim": version("tactsim")},
             # Whose a user's own meshes are is not ours to say.

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -51,6 +52,10 @@ class SpaceOptions(BaseModel):
         le=1,
         description="mm at most between points at which the layer meets the object; three times that over a large area",
     )
+    body: Literal["flat", "cylinder", "sphere"] = Field(
+        "flat", description="what the pad is laid on; a cylinder's axis is the pad's y"
+    )
+    radius: float | None = Field(None, gt=0, le=1e6, description="mm of the cylinder or sphere")
     placement_mm: float = Field(
         0.2,
         ge=0,
@@ -70,6 +75,16 @@ class SpaceOptions(BaseModel):
     @classmethod
     def _pad_from_file(cls, pad: object) -> object:
         return Pad.load(pad) if isinstance(pad, str | Path) else pad
+
+    @model_validator(mode="after")
+    def _radius_where_curved(self) -> SpaceOptions:
+        if (self.body == "flat") != (self.radius is None):
+            raise ValueError(
+                "a flat pad has no radius: give body = cylinder or sphere"
+                if self.body == "flat"
+                else f"a pad on a {self.body} needs its radius, mm"
+            )
+        return self
 
     @model_validator(mode="after")
     def _pad_is_workable(self) -> SpaceOptions:

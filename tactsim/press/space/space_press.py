@@ -18,8 +18,6 @@ from tactsim.press.space.pad_lattice import pad_lattice
 from tactsim.press.space.space_options import SpaceOptions
 from tactsim.press.space.touch_kernels import STATE, Layer, Mesh, Starts, touch_all
 
-_KPA = 1e3  # kPa in a N/mm^2
-
 
 @dataclass(frozen=True, eq=False)
 class Touched:
@@ -46,12 +44,13 @@ class SpacePress:
     A pad is held rigidly and comes along its z axis from outside the object, whatever lies behind `start`. Its layer is
     a bed of independent springs (Winkler): pressure = stiffness * depth, never below 0, both along the pad's normal.
     Only the pad's own surface touches (`Pad.load_bounds`); its sides and what carries it do not.
+    Raises InputError if the pad does not fit its body.
     """
 
     def __init__(self, solids: Iterable[models.Solid], options: SpaceOptions) -> None:
         self.options = options
         self.solids = {solid.name: solid for solid in solids}
-        self._lattice = pad_lattice(options)
+        self.lattice = pad_lattice(options)
         self._gain = gains(ScanOptions(pad=options.pad, sensor=options.sensor, seed=options.seed))
 
     def touch(self, label: str, start: FloatArray, rng: np.random.Generator | None = None) -> Touched:
@@ -74,21 +73,23 @@ class SpacePress:
             raise unknown("object", label, list(self.solids))
         if start.ndim != 2:
             raise InputError(f"start has shape {start.shape}; it is a table of poses, (n, 7)")
-        solid, options = self.solids[label], self.options
+        solid, options, lattice = self.solids[label], self.options, self.lattice
         states = np.empty((len(start), STATE))
         images = np.empty((len(start), options.pad.taxels))
         touch_all(
             Mesh(solid.vertices.astype(float), solid.faces.astype(np.int64)),
             Starts(np.ascontiguousarray(true[:, :3]), np.ascontiguousarray(matrix(true[:, 3:])), stroke),
-            self._lattice,
+            lattice.points,
             Layer(1e-3 * options.stiffness, float(options.thickness)),
             options.force,
             states,
             images,
         )
-        images *= _KPA / (options.pad.taxel_width * options.pad.taxel_height)
+        images *= lattice.kpa
         travel, force = states[:, 0], states[:, 1]
-        return Touched(advanced(start, travel), advanced(true, travel), travel, force > 0, force, images)
+        return Touched(
+            advanced(start, travel), advanced(true, travel), travel, force > 0, force, images
+        )
 
     def sensed(self, touched: Touched, rng: np.random.Generator) -> Touched:
         """Give the touches with what the pad reports of them, one after the other: noise, steps and its other faults.

@@ -50,12 +50,13 @@ STARTS = types.NamedTuple((REALS_2D, REALS_3D, REALS), Starts)
 
 
 class Lattice(NamedTuple):
-    """Points of the pad's unloaded surface, z = 0, even along its x and y.
+    """Points of the pad's unloaded surface, even along its x and y.
 
     origin, step: (2,) mm, the first point and the way to the next. columns, rows: how many along x and y, multiples of
-    COARSE. bounds: (4,) mm, x low, x high, y low, y high of the pad. felt_u (2, columns, columns of taxels) and felt_v
-    (2, rows, rows of taxels): the share of a force on a point that the taxels feel, for points on all lines and on
-    every COARSE-th.
+    COARSE. bounds: (4,) mm, x low, x high, y low, y high of a flat pad, NaN of a curved one. surface: (points,) mm, z
+    there, NaN beside the pad. facing: (points,), the part along z of the normal.
+    cell: (points, 2), where each is in felt_u (2, cells, columns of taxels) and felt_v (2, cells, rows of taxels): the
+    share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
     """
 
     origin: Reals
@@ -63,11 +64,16 @@ class Lattice(NamedTuple):
     columns: int
     rows: int
     bounds: Reals
+    surface: Reals
+    facing: Reals
+    cell: Ints
     felt_u: Reals
     felt_v: Reals
 
 
-LATTICE = types.NamedTuple((REALS, REALS, int64, int64, REALS, REALS_3D, REALS_3D), Lattice)
+LATTICE = types.NamedTuple(
+    (REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D, REALS_3D), Lattice
+)
 
 
 class Layer(NamedTuple):
@@ -129,7 +135,7 @@ def draw(corners: Reals, faces: Ints, origin: Reals, step: Reals, window: Ints, 
 
 @compiled(float64(REALS_2D, INTS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
 def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: Reals) -> float:
-    """Find the least z of all facets that look along -z before a pad: mm, infinite if there is none.
+    """Find the least z of all facets that look along -z before a flat pad: mm, infinite if there is none.
 
     A point of the lattice may miss a sharp tip by much. bounds: (4,) x low, x high, y low, y high of the pad, mm.
     corner, spare: room for a polygon.
@@ -174,33 +180,34 @@ def gather(
     height: mm, of the window, on every stride-th line of the lattice. front: mm, where something is known to be, or
     infinite. Fills gap with the ways mm from the pad and point_number with the points' numbers on the lattice.
     """
-    columns = lattice.columns
+    surface, columns = lattice.surface, lattice.columns
     first = front
     for turn in range(2):
         count = 0
         for row in range(window[3]):
             start = (stride * (window[1] + row) + stride // 2) * columns + stride * window[0] + stride // 2
             for column in range(window[2]):
-                away = height[row * window[2] + column]
+                away = height[row * window[2] + column] - surface[start + stride * column]
                 if turn == 0:
-                    first = min(first, away)
+                    if away < first:  # not where the surface is NaN
+                        first = away
                 elif away <= first + reach and away < np.inf:
                     gap[count], point_number[count] = away, start + stride * column
                     count += 1
     return count
 
 
-@compiled(float64(REALS, float64, int64, float64), called_from_python=False)
-def springs(gap: Reals, rate: float, count: int, travel: float) -> float:
-    """Add up springs that begin at gap (count,) mm and give `rate` a mm: what they give after a travel."""
+@compiled(float64(REALS, REALS, int64, float64), called_from_python=False)
+def springs(gap: Reals, rate: Reals, count: int, travel: float) -> float:
+    """Add up springs that begin at gap (count,) mm and give rate (count,) a mm: what they give after a travel."""
     total = 0.0
     for point in range(count):
-        total += rate * max(travel - gap[point], 0.0)
+        total += rate[point] * max(travel - gap[point], 0.0)
     return total
 
 
-@compiled(float64(REALS, float64, int64, float64, float64), called_from_python=False)
-def balance(gap: Reals, rate: float, count: int, travel: float, wanted: float) -> float:
+@compiled(float64(REALS, REALS, int64, float64, float64), called_from_python=False)
+def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -> float:
     """Find the travel, mm, at which springs give what is wanted, from a travel at which some give something.
 
     The sum is convex and piecewise linear, so Newton's method comes from above and ends at the answer itself.
@@ -211,8 +218,8 @@ def balance(gap: Reals, rate: float, count: int, travel: float, wanted: float) -
         now = 0
         for point in range(count):
             if gap[point] < travel:
-                total += rate
-                moment += rate * gap[point]
+                total += rate[point]
+                moment += rate[point] * gap[point]
                 now += 1
         if now == touching or now == 0:
             return travel
@@ -249,7 +256,8 @@ def touch_all(
     origin, step, columns, rows = lattice.origin, lattice.step, lattice.columns, lattice.rows
     stiffness, thickness = layer.stiffness, layer.thickness
     corners, height = np.empty_like(vertices), np.empty(columns * rows)
-    gap, point_number = np.empty(columns * rows), np.empty(columns * rows, np.int64)
+    gap, rate = np.empty(columns * rows), np.empty(columns * rows)
+    point_number = np.empty(columns * rows, np.int64)
     window, corner, spare = np.empty(4, np.int64), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
     coarse_origin = origin + (COARSE // 2) * step
     across = lattice.felt_u.shape[2]
@@ -267,13 +275,16 @@ def touch_all(
             count = gather(height, lattice, window, stride, front, thickness, point_number, gap)
             first = front
             for point in range(count):
+                # A surface under a force along its normal, by a depth along its normal: of both the part along z
+                # counts, over an area larger than its shadow by one such part.
+                rate[point] = area * lattice.facing[point_number[point]]
                 first = min(first, gap[point])
             if not (count and first < stroke):
                 break
             if deep:
                 # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
-                stiff = max(stiffness, force / springs(gap, area, count, first + thickness))
-            travel = balance(gap, area, count, first + thickness, force / stiff)
+                stiff = max(stiffness, force / springs(gap, rate, count, first + thickness))
+            travel = balance(gap, rate, count, first + thickness, force / stiff)
             if (
                 level == 0
                 or surround(point_number, gap, count, columns, rows, travel + _MARGIN, window) > _FINE
@@ -285,12 +296,12 @@ def touch_all(
             continue
         travel = min(travel, stroke)
         states[touch, 0], states[touch, 2] = travel, stiff
-        states[touch, 1] = stiff * springs(gap, area, count, travel)
-        rest = min(balance(gap, area, count, travel, force / stiff), travel)
+        states[touch, 1] = stiff * springs(gap, rate, count, travel)
+        rest = min(balance(gap, rate, count, travel, force / stiff), travel)
         for point in range(count):
             if gap[point] < rest:
                 carried = stiff * area * (rest - gap[point])
-                u, v = point_number[point] % columns, point_number[point] // columns
+                u, v = lattice.cell[point_number[point], 0], lattice.cell[point_number[point], 1]
                 for row in range(lattice.felt_v.shape[2]):
                     strip = carried * lattice.felt_v[level, v, row]
                     for column in range(across):

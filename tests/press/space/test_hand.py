@@ -38,7 +38,7 @@ def test_a_gripper_meets_an_object_from_both_sides(tmp_path):
     found = press.touch("ball", start)
     assert found.met.all()
     assert found.true[:, 0] == pytest.approx([-14.05, 14.05], abs=0.3)
-    pads = rigid.compose(start, np.array([pad.pose for pad in hand(tmp_path).pads]))
+    pads = rigid.compose(start, np.array([pad.pose for pad in press.hand.pads]))
     alone = SpacePress([solid], options).touch("ball", pads)
     assert found.readings == pytest.approx(alone.readings)
 
@@ -77,6 +77,7 @@ def test_an_error_of_the_hand_moves_all_its_pads(tmp_path):
     [
         (("-50, 0, 0", "52, 0, 0"), "pads 1 and 2 overlap where their strokes begin; move them apart"),
         (("0.7071067811865476, 0, -0.7", "0.8, 0, -0.7"), "a rotation's has length 1"),
+        (('name = "gripper"', 'name = "gripper"\nbody = "sphere"'), "a pad on a sphere needs its radius, mm"),
         (('name = "gripper"', "nam = 1"), "nam"),
     ],
 )
@@ -85,6 +86,15 @@ def test_a_hand_that_is_none_is_refused_in_a_line(tmp_path, change, said):
         HandPress([meshes.ball()], hand(tmp_path, GRIPPER.replace(*change)), SpaceOptions())
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_curved_pads_feel_as_curved(tmp_path):
+    curved = hand(tmp_path, GRIPPER.replace("[[pads]]", 'body = "sphere"\nradius = 15\n[[pads]]', 1))
+    press = HandPress([meshes.box(20, 40, 40)], curved, SpaceOptions())
+    assert press.options.radius == 15
+    found = press.touch("box", HERE)
+    image = found.readings[0].reshape(6, 6)
+    assert image[2:4, 2:4].min() > 4 * image[[0, -1]].max()
 
 
 def test_the_hand_of_the_page_closes_on_what_lies_in_its_middle(tmp_path):

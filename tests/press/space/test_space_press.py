@@ -7,6 +7,7 @@ import meshes
 import numpy as np
 import pytest
 from level_world import level_press, level_scan
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from tactsim import models
@@ -83,9 +84,7 @@ def test_touches_agree_with_the_exact_press_of_facets(name):
     exact = level_scan(press=level_press(stiffness=1e3 * STIFFNESS, thickness=3.0))
     shape = Relief(solid.vertices, solid.faces)
     pressed = [
-        relief.press(Touches.of(SimpleNamespace(relief=shape.turned(turn)), pose[None]), exact).readings(
-            exact
-        )
+        relief.press(Touches.of(SimpleNamespace(relief=shape.turned(turn)), pose[None]), exact).readings(exact)
         for turn, pose in zip(turns, poses, strict=True)
     ]
     expected = np.concatenate(pressed).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
@@ -129,6 +128,30 @@ def test_turning_the_world_changes_nothing():
     assert there.readings == pytest.approx(here.readings, abs=0.5)
 
 
+@pytest.mark.parametrize("body", ["cylinder", "sphere"])
+def test_a_curved_pad_on_a_flat_face_sinks_in_as_its_curve_says(body):
+    found = touch(meshes.box(40, 40, 40), body=body, radius=20.0, sensor={"psf_sigma": 0.0})
+    length = SpaceOptions().pad.load_bounds[3] * 2
+
+    def load(d):
+        edge = math.sqrt(20**2 - (20 - d) ** 2)
+
+        # Depth along z, times the part along z of the normal, twice over a surface larger by one.
+        def spring(x):
+            return (d - 20 + math.sqrt(400 - x**2)) * math.sqrt(400 - x**2) / 20
+
+        if body == "cylinder":
+            return 2 * length * quad(spring, 0, edge)[0]
+        return quad(lambda r: 2 * math.pi * r * spring(r), 0, edge)[0]
+
+    assert found.travel[0] == pytest.approx(travel_until(load, -20), abs=3e-3)
+
+
+def test_a_body_too_small_for_the_pad_is_refused():
+    with pytest.raises(InputError, match="radius is 4 mm, and the pad reaches too far round such a cylinder"):
+        press(meshes.ball(), body="cylinder", radius=4.0)
+
+
 def test_the_robot_states_where_it_believes_the_pad_to_be():
     one = press(meshes.box(40, 40, 40), placement_mm=0.5, placement_rad=0.0)
     start = np.repeat(BELOW, 400, 0)
@@ -159,6 +182,8 @@ def test_an_unknown_object_and_a_start_that_is_no_pose_are_refused():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
+        ({"radius": 20.0}, "a flat pad has no radius: give body = cylinder or sphere"),
+        ({"body": "sphere"}, "a pad on a sphere needs its radius, mm"),
         ({"spacing": 0.01}, "choose a larger spacing or fewer taxels"),
         ({"force": float("nan")}, "finite"),
     ],
@@ -166,3 +191,5 @@ def test_an_unknown_object_and_a_start_that_is_no_pose_are_refused():
 def test_what_makes_no_touch_is_refused(given, said):
     with pytest.raises(ValueError, match=said):
         SpaceOptions(**given)
+
+
