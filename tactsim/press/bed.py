@@ -108,9 +108,9 @@ class Bed:
     """The covered cells of many presses, one row per contact, ordered by press, level and cell.
 
     cell: (contacts,) row * columns + column in the grid of cells. centre: (contacts, 2) mm, of the cell in the sensor
-    frame. centroid: (contacts, 2) mm, of the part that touches. area: (contacts,) mm^2, of that part. gap: (contacts,)
-    mm. moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part about the cell's centre (`clip.POWERS`). start:
-    (presses + 1,) where each press's rows begin.
+    frame. centroid: (contacts, 2) mm, of the part that touches. area: (contacts,) mm^2, of that part. gap: (contacts,) mm.
+    moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part about the cell's centre (`clip.POWERS`).
+    start: (presses + 1,) where each press's rows begin.
     """
 
     cell: NDArray[np.intp]
@@ -147,6 +147,18 @@ class Bed:
             for here, area, most in zip(rows, self.area_of_presses.tolist(), largest.tolist(), strict=True)
         ]
 
+    def of(self, rows: NDArray[np.intp], presses: NDArray[np.intp], count: int) -> Bed:
+        """Take the contacts `rows`, which are in order, and say that they belong to `presses`, out of `count`."""
+        return Bed(
+            cell=self.cell[rows],
+            centre=self.centre[rows],
+            centroid=self.centroid[rows],
+            area=self.area[rows],
+            gap=self.gap[rows],
+            moments=self.moments[:, rows],
+            start=np.searchsorted(presses, np.arange(count + 1)),
+        )
+
     def among(self, presses: NDArray[np.intp], count: int) -> Bed:
         """Say that its presses are `presses`, rising, out of `count`."""
         return replace(self, start=np.searchsorted(presses[self.press], np.arange(count + 1)))
@@ -154,10 +166,7 @@ class Bed:
     def repeat(self, times: int) -> Bed:
         """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""
         rows = np.tile(np.arange(len(self.area)), times)
-        return Bed(
-            cell=self.cell[rows], centre=self.centre[rows], centroid=self.centroid[rows], area=self.area[rows],
-            gap=self.gap[rows], moments=self.moments[:, rows], start=len(self.area) * np.arange(times + 1),
-        )  # fmt: skip
+        return self.of(rows, np.repeat(np.arange(times), len(self.area)), times)
 
 
 def lay_bed(
