@@ -23,19 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.press.bed import MM, Bed, Level, lay_bed, levels, slopes
+from tactsim.press.bed import MM, Bed, Level, Springs, lay_bed, levels, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import RADIUS, Setup, scene
+from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
 from tactsim.press.spread import Patches
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches, UnsettledError
 
 MASS = 0.01  # kg; an equilibrium does not depend on it
 _INERTIA = 1e-8  # m / h^2 as a share of the bed's stiffness
 _BALANCE = 1e-6  # share of the force, and of force times _REACH, that a press at rest may miss
+_BALANCE_OF_PARTS = (
+    1e-4  # the same where the letter's parts are touched: MuJoCo keeps meshes in single precision
+)
 _REACH = 5.0  # mm, about half a pad
 _MOST_STEPS = 60
 _MOST_HALVINGS = 30
+_DEPTH = 1e-5  # m into the bed, for a step that shows that a press without contact has no forces
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,7 @@ class _Problem:
             tilts=tilt if self.tilted else None,
             depths=depth,
             moments=MOMENTS if self.tilted else EVEN_MOMENTS,
+            skip_empty=self.options.press.skip.cells,
         )
 
     def begin(self, bed: Bed) -> _Contact:
@@ -159,6 +164,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     """Press a letter until it rests.
 
     A press that tips over or finds no balance is a blank, with its reason.
+    Raises InputError if a letter with rounded edges is to be pressed by its parts.
     """
     return press_face(levels(touches.letter, options.press), touches, options)
 
@@ -175,13 +181,20 @@ def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) ->
         1e-3 * setup.stiffness_over(some, carried)
         for some, carried in zip(area[touching].tolist(), force[touching].tolist(), strict=True)
     ]
-    stage = Setup(MASS, setup.wrist_stiffness)
+    stage = Setup(
+        mass=MASS,
+        wrist_stiffness=setup.wrist_stiffness,
+        letter=None if setup.skip.parts else touches.letter,
+        skip_stages=setup.skip.stages,
+    )
+    if not setup.skip.no_contact:
+        for index in np.flatnonzero(area == 0).tolist():
+            _fall(stage, whole.springs[index], touches, index, force[index])
     depth, tilt, blanks = _solve(problem, stage, problem.begin(whole), touching)
     resting = np.setdiff1d(touching, list(blanks))
     bed = problem.lay(resting, tilt[resting], depth[resting]).among(resting, len(touches))
     load = Patches.under(bed, depth, tilt, force, even=not problem.tilted)
-    work = Counter(presses=len(touching), no_contact=len(touches) - len(touching))
-    return Pressed(touches, load, work, blanks)
+    return Pressed(touches, load, _work(whole, face, touches, options), blanks)
 
 
 def _solve(
@@ -197,6 +210,7 @@ def _solve(
     # Where each press is tried next; by how much it was to tilt by its last step, and how often that was halved.
     proposed, turned, turning = depth.copy(), tilt.copy(), np.zeros(count)
     steps, halvings = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    allowed = _BALANCE if problem.options.press.skip.parts else _BALANCE_OF_PARTS
     blanks: dict[int, str] = {}
     row, better = trying, np.ones(len(trying), dtype=bool)
     while len(trying):
@@ -218,7 +232,7 @@ def _solve(
         accepted = trying[better]
         depth[accepted], tilt[accepted] = contact.depth[better], contact.tilt[better]
         energy[accepted], missing[accepted] = contact.energy[better], contact.missing[better]
-        resting = better & (contact.missing <= _BALANCE)
+        resting = better & (contact.missing <= allowed)
         blanks |= dict.fromkeys(trying[resting & (leaning > MOST_TILT)].tolist(), TIPPED)
         for index in trying[~better & (halvings[trying] == _MOST_HALVINGS)].tolist():
             blanks[index] = (
@@ -259,8 +273,7 @@ def _step(
     wrist, lost = stage.wrist_stiffness, {}
     for row, index in zip(rows.tolist(), presses.tolist(), strict=True):
         springs, stiffness = bed.springs[row], 1e3 * float(problem.stiffness[index])
-        placed = scene(stage, len(springs.share))
-        placed.set_tilt(problem.touches.tilts[index])
+        placed = _placed(stage, springs, problem.touches, index)
         bending = contact.bending[row]
         placed.set_springs(
             springs._replace(position=position[springs.rows]),
@@ -288,5 +301,44 @@ def _step(
     return lost
 
 
+def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Scene:
+    """Give the scene of one press, with the letter at its pose and its nominal tilt."""
+    placed = scene(stage, len(springs.share))
+    placed.place_letter(touches.poses[index], touches.tilts[index])
+    return placed
+
+
+def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: float) -> None:
+    """Push a letter that touches nothing for one step, and check that MuJoCo finds no force.
+
+    Done only where the skip of presses without contact is switched off, to show that it changes nothing.
+    """
+    placed = _placed(stage, springs, touches, index)
+    stiffness = force / _DEPTH  # as for a contact of 1 mm^2
+    placed.set_springs(springs, stiffness, step=_time_step(stiffness))
+    placed.reset(_DEPTH)
+    placed.data.qfrc_applied[0] = force
+    mujoco.mj_step(placed.model, placed.data)
+    if placed.forces(len(springs.share)).any():
+        raise AssertionError("a letter beside the pad was touched")
+
+
 def _time_step(stiffness: float) -> float:
     return math.sqrt(MASS / (_INERTIA * stiffness))
+
+
+def _work(bed: Bed, face: Sequence[Level], touches: Touches, options: ScanOptions) -> Counter[str]:
+    """Count presses and what each skip left out of them."""
+    skip = options.press.skip
+    touching = int(np.count_nonzero(bed.area_of_presses))
+    untouched = len(touches) - touching
+    pressed = touching + (0 if skip.no_contact else untouched)
+    x_lines, y_lines = options.cell_lines
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
+    return Counter(
+        presses=pressed,
+        no_contact=untouched if skip.no_contact else 0,
+        cells=touching * cells - len(bed.area) if skip.cells else 0,
+        parts=pressed if skip.parts else 0,
+        stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
+    )

@@ -31,7 +31,7 @@ from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, slopes
 from tactsim.press.points import Points, lattice, share
 from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.scene import UNREAD_STAGES, describe_carriage
+from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 
 # m. A sphere beside a letter's outline touches it from sqrt(2 radius depth) away, at most 3 um. Its centre stays above
@@ -61,6 +61,7 @@ class _Setup:
     points_per_taxel: int
     compression: float
     hinged: bool
+    skip_stages: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
                 press.points_per_taxel,
                 factor if relief else 1.0,
                 press.wrist_stiffness is not None,
+                press.skip.stages,
             )
         )
         _place(stage, pose, factor * slope[index])
@@ -222,7 +224,7 @@ def _compile(setup: _Setup) -> _Scene:
         f'<geom class="point" pos="{x * MM!r} {y * MM!r} {_RADIUS}"/>' for x, y in points.tolist()
     )
     parts = [_compressed(part, setup) for part in setup.letter.parts]
-    meshes, geoms = zip(*(_described(index, part) for index, part in enumerate(parts)), strict=True)
+    meshes, geoms = zip(*(describe_part(index, part) for index, part in enumerate(parts)), strict=True)
     carriage, springs = describe_carriage("".join(geoms), _MASS, hinged=setup.hinged)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
@@ -243,7 +245,8 @@ def _compile(setup: _Setup) -> _Scene:
         <equality>{springs}</equality>
         </mujoco>"""
     )
-    model.opt.disableflags = UNREAD_STAGES
+    if setup.skip_stages:
+        model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
     data = mujoco.MjData(model)
     rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, rest, _STATE)
@@ -260,18 +263,3 @@ def _compressed(part: ConvexPart, setup: _Setup) -> ConvexPart:
     vertices[top, 2] = (vertices[top, 2] - setup.letter.height) * setup.compression
     vertices[~top, 2] = -_BASE
     return ConvexPart(part.outline, vertices)
-
-
-def _described(index: int, part: ConvexPart) -> tuple[str, str]:
-    """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
-    if part.rectangle is None:
-        vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
-        return f'<mesh name="part{index}" vertex="{vertices}"/>', (
-            f'<geom name="part{index}" type="mesh" mesh="part{index}"/>'
-        )
-    low, high = part.vertices[:, 2].min() * MM, part.vertices[:, 2].max() * MM
-    (x, y), (a, b), angle = part.rectangle
-    return "", (
-        f'<geom name="part{index}" type="box" size="{a * MM} {b * MM} {(high - low) / 2}" '
-        f'pos="{x * MM} {y * MM} {(high + low) / 2}" euler="0 0 {angle}"/>'
-    )

@@ -129,8 +129,14 @@ def _bed(touches: Touches, options: ScanOptions) -> Bed:
 def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
     """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
     press, springs = options.press, bed.springs[index]
-    stage = scene(Setup(press.moving_mass, press.wrist_stiffness), len(springs.share))
-    stage.set_tilt(touches.tilts[index])
+    setup = Setup(
+        mass=press.moving_mass,
+        wrist_stiffness=press.wrist_stiffness,
+        letter=None if press.skip.parts else touches.letter,
+        skip_stages=press.skip.stages,
+    )
+    stage = scene(setup, len(springs.share))
+    stage.place_letter(touches.poses[index], touches.tilts[index])
     force = float(touches.forces(press.force)[index])
     return press_through_time(stage, springs, press.model_copy(update={"force": force}))
 

@@ -123,7 +123,10 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     bed = lay_bed(face, touches.poses, x_lines, y_lines, tilts=tilts)
     rested = press_elastic(bed, touches.tilts, options, touches.forces(options.press.force))
     touching = int(np.count_nonzero(bed.area_of_presses))
-    work = Counter(presses=touching, no_contact=len(touches) - touching)
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
+    work = Counter(
+        presses=touching, no_contact=len(touches) - touching, cells=touching * cells - len(bed.area)
+    )
     return Pressed(touches, Patches(bed, rested.pressure), work, rested.blanks)
 
 

@@ -52,6 +52,7 @@ class CellLoads:
         nowhere = np.zeros((len(cell), 2))
         # A bed whose parts carry a unit of pressure each and have the loads for moments.
         bed = Bed(
+            level=np.zeros(len(cell), dtype=np.intp),
             cell=cell,
             centre=nowhere,
             centroid=nowhere,

@@ -19,6 +19,29 @@ _FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
+class Skips(BaseModel):
+    """Work that is left out because it cannot change a reading. Each switch brings it back, to show just that."""
+
+    model_config = _FROZEN
+
+    no_contact: bool = Field(True, description="no physics for a press that does not touch")
+    cells: bool = Field(True, description="no contact for cells of the bed that the letter does not cover")
+    parts: bool = Field(
+        True, description="one plane for a flat face instead of the letter's convex parts, near or far"
+    )
+    stages: bool = Field(True, description="no stage of MuJoCo that the press does not read")
+    solver: bool = Field(True, description="no solver for a flat face that stays level")
+    known: bool = Field(True, description="no press of the same letter at exactly the same pose again")
+
+    @model_validator(mode="after")
+    def _planes_reach_everywhere(self) -> Skips:
+        if self.parts and not self.cells:
+            raise ValueError(
+                "cells can only be kept with the letter's parts (parts = false): a plane touches them all"
+            )
+        return self
+
+
 class PressOptions(BaseModel):
     """How a letter is pressed against the pad."""
 
@@ -97,15 +120,7 @@ class PressOptions(BaseModel):
         description="share of the steps that follow from stiffness, mass and force control; full dynamics",
     )
     frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_skips(cls, values: Any) -> Any:
-        """Take what runs and scans of 0.1 state: switches of what was skipped, all of them on."""
-        skips = values.get("skip") if isinstance(values, dict) else None
-        if isinstance(skips, dict) and all(skips.values()):
-            return {name: value for name, value in values.items() if name != "skip"}
-        return values
+    skip: Skips = Field(default_factory=Skips)
 
     @field_validator("wrist_stiffness", mode="before")
     @classmethod

@@ -202,19 +202,20 @@ def _ideal(
 ) -> tuple[list[_Ideal], Counter[str]]:
     """Get what each batch reads without imperfections: known already, from the cache, or pressed now."""
     keys = [cached.key(batch.touches, options) for batch in batches]
-    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0)
-    wanted: dict[str, _Batch] = {}
-    ideal: dict[str, _Ideal] = {}
-    for key, batch in zip(keys, batches, strict=True):
+    names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
+    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0, cells=0, parts=0, stages=0)
+    wanted: dict[tuple[str, int], _Batch] = {}
+    ideal: dict[tuple[str, int], _Ideal] = {}
+    for name, batch in zip(names, batches, strict=True):
         count = len(batch.touches)
-        if key in ideal or key in wanted:
+        if name in ideal or name in wanted:
             work["known"] += count
             continue
-        stored = cached.load(key, (count, options.pad.taxels)) if cache and not sequence else None
+        stored = cached.load(name[0], (count, options.pad.taxels)) if cache and not sequence else None
         if stored is None:
-            wanted[key] = batch
+            wanted[name] = batch
         else:
-            ideal[key] = _Ideal(stored, {})
+            ideal[name] = _Ideal(stored, {})
             work["cached"] += count
 
     total = sum(len(batch.touches) for batch in batches)
@@ -222,26 +223,26 @@ def _ideal(
     if progress is not None and done:
         progress(done, total)
     tasks = [
-        (key, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
-        for key, batch in wanted.items()
+        (name, batch.touches.some(slice(first, first + _CHUNK)), options, sequence)
+        for name, batch in wanted.items()
         for first in range(0, len(batch.touches), _CHUNK)
     ]
-    pressed: dict[str, list[_Ideal]] = {key: [] for key in wanted}
+    pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
     worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
     with process_map(min(jobs, worth)) as mapped:
-        for (key, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
-            pressed[key].append(piece)
+        for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
+            pressed[name].append(piece)
             work.update(of_piece)
             done += len(piece.readings)
             if progress is not None:
                 progress(done, total)
-    for key, pieces in pressed.items():
-        ideal[key] = _whole(wanted[key], pieces)
-        if cache and not ideal[key].blanks:  # a file of the cache has no room for reasons
-            cached.store(key, ideal[key].readings)
+    for name, pieces in pressed.items():
+        ideal[name] = _whole(wanted[name], pieces)
+        if cache and not ideal[name].blanks:  # a file of the cache has no room for reasons
+            cached.store(name[0], ideal[name].readings)
     if cache and wanted:
         cached.prune()
-    return [ideal[key] for key in keys], work
+    return [ideal[name] for name in names], work
 
 
 def _with_lower(found: Sequence[_Ideal], batches: int) -> list[_Ideal]:
@@ -277,7 +278,7 @@ def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
     return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, moving)
 
 
-def _press(task: tuple[str, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
+def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:
     # Brings MuJoCo, which a scan from the cache does without.
     from tactsim.press.engine import press_at
 
@@ -351,7 +352,7 @@ def _seconds_per_press(options: ScanOptions) -> float:
     level = options.press.wrist_stiffness is None and not options.placement_tilt
     if options.press.engine == "collide":
         return 1e-3
-    return 1e-3 if options.rounding or not level else 1e-4
+    return 1e-3 if options.rounding or not options.press.skip.parts or not level else 1e-4
 
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:

@@ -21,8 +21,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, invert
+from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, Springs, slopes
 from tactsim.press.touches import UnsettledError
 
@@ -39,7 +41,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # all that the next step depends o
 _Disable = mujoco.mjtDisableBit
 # Stages of MuJoCo that have nothing to do in a press: it has no sensors, actuators, limits, friction, gravity or
 # joint springs, and all its constraints are one island.
-UNREAD_STAGES = sum(map(int, (
+UNREAD_STAGES = (
     _Disable.mjDSBL_SENSOR,
     _Disable.mjDSBL_ACTUATION,
     _Disable.mjDSBL_LIMIT,
@@ -49,18 +51,22 @@ UNREAD_STAGES = sum(map(int, (
     _Disable.mjDSBL_DAMPER,
     _Disable.mjDSBL_ISLAND,
     _Disable.mjDSBL_EULERDAMP,
-)))  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
 class Setup:
     """What a scene is compiled for.
 
-    mass: kg, of what moves. wrist_stiffness: N mm / rad, of the hinges that let a tilt give way; None: it is rigid.
+    mass: kg, of what moves. wrist_stiffness: N mm / rad, of the hinges that let a tilt give way; None: it is
+    rigid. letter: its convex parts are what the spheres can touch; None: one plane is, which is the same for a flat
+    face, since spheres stand only where the face is.
     """
 
     mass: float
     wrist_stiffness: float | None = None
+    letter: Letter | None = None
+    skip_stages: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +80,11 @@ class Scene:
     rest: FloatArray  # the state that every press starts from
     # Views of the model's arrays that a press writes: of the spheres, of their pairs, of the letter.
     position: FloatArray
+    touched: NDArray[np.int32]
     solref: FloatArray
     solimp: FloatArray
     inverse_weight: FloatArray
+    letter_body: int
     gimbal_body: int
     tilt: FloatArray  # rad about x and y, between letter and pad where nothing pushes
 
@@ -90,8 +98,11 @@ class Scene:
         if self.setup.wrist_stiffness is not None:
             self.data.qpos[1:] = self.tilt if tilt is None else tilt
 
-    def set_tilt(self, tilt: FloatArray) -> None:
-        """Tilt the letter by a nominal tilt (2,) rad; its face is at z = 0 in the pad's middle."""
+    def place_letter(self, sensor_in_object: FloatArray, tilt: FloatArray) -> None:
+        """Put the letter where a pose [x mm, y mm, theta rad] and a nominal tilt (2,) rad have it.
+
+        Its face is at z = 0 in the pad's middle.
+        """
         self.tilt[:] = tilt
         if self.setup.wrist_stiffness is not None:
             self.model.eq_data[:, 0] = tilt
@@ -99,6 +110,11 @@ class Scene:
             (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt / 2), np.sin(tilt / 2)
             quaternion = (cos_x * cos_y, sin_x * cos_y, cos_x * sin_y, sin_x * sin_y)
             self.model.body_quat[self.gimbal_body] = quaternion
+        letter = self.setup.letter
+        if letter is not None:
+            x, y, angle = invert(sensor_in_object)
+            self.model.body_pos[self.letter_body] = (x * MM, y * MM, -letter.height * MM)
+            self.model.body_quat[self.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
 
     def depth_of_touch(self, springs: Springs) -> FloatArray:
         """Work out how far the letter has to move to touch each spring at the nominal tilt, (n,) m."""
@@ -131,6 +147,8 @@ class Scene:
         self.position[:count] = springs.position
         self.position[count:, 2] = _FAR
         self.model.pair_margin[:count] = margin
+        if self.setup.letter is not None:
+            self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
         self.set_step(
             springs,
             stiffness,
@@ -214,18 +232,21 @@ _MOST_SCENES = 16
 
 
 def _compile(setup: Setup, capacity: int) -> Scene:
-    # A plane, the same for any flat face, since spheres stand only where the face is.
-    face = '<geom name="face" type="box" size="1 1 1" pos="0 0 -1"/>'
+    meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
+    if setup.letter is not None:
+        described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
+        meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
     cells = range(capacity)
     spheres = "".join(f'<geom name="cell{i}" size="{RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
-    pairs = "".join(f'<pair geom1="cell{i}" geom2="face" condim="1"/>' for i in cells)
+    pairs = "".join(f'<pair geom1="cell{i}" geom2="part0" condim="1"/>' for i in cells)
     hinged = setup.wrist_stiffness is not None
-    carriage, springs = describe_carriage(face, setup.mass, hinged=hinged, height=-RADIUS)
+    carriage, springs = describe_carriage(geoms, setup.mass, hinged=hinged, height=-RADIUS)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
         <option gravity="0 0 0" iterations="20" ccd_tolerance="1e-12" ccd_iterations="200"/>
         <default><geom contype="0" conaffinity="0" density="0"/></default>
+        <asset>{meshes}</asset>
         <worldbody>
           {spheres}
           {carriage}
@@ -234,7 +255,8 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         <equality>{springs}</equality>
         </mujoco>"""
     )
-    model.opt.disableflags = UNREAD_STAGES
+    if setup.skip_stages:
+        model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
     data = mujoco.MjData(model)
     rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, rest, _STATE)
@@ -246,9 +268,11 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         data,
         rest,
         position=model.geom_pos[:capacity],
+        touched=model.pair_geom2,
         solref=model.pair_solref,
         solimp=model.pair_solimp,
         inverse_weight=model.body_invweight0[body],
+        letter_body=body,
         gimbal_body=gimbal,
         tilt=np.zeros(2),
     )
@@ -278,4 +302,19 @@ def describe_carriage(geoms: str, mass: float, *, hinged: bool, height: float = 
             </body>
           </body>""",
         springs,
+    )
+
+
+def describe_part(index: int, part: ConvexPart) -> tuple[str, str]:
+    """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
+    if part.rectangle is None:
+        vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
+        return f'<mesh name="part{index}" vertex="{vertices}"/>', (
+            f'<geom name="part{index}" type="mesh" mesh="part{index}"/>'
+        )
+    low, high = part.vertices[:, 2].min() * MM, part.vertices[:, 2].max() * MM
+    (x, y), (a, b), angle = part.rectangle
+    return "", (
+        f'<geom name="part{index}" type="box" size="{a * MM} {b * MM} {(high - low) / 2}" '
+        f'pos="{x * MM} {y * MM} {(high + low) / 2}" euler="0 0 {angle}"/>'
     )

@@ -1,13 +1,13 @@
-"""Work that is left out must not change an answer, and is counted."""
+"""Work that is left out must not change an answer; each switch and counter is shown to matter."""
 
 import numpy as np
 import pytest
 from level_world import level_press, level_scan
-from pydantic import ValidationError
 
 from tactsim import models
-from tactsim.press import PressOptions, SensorOptions, bed, scan_letters
+from tactsim.press import bed, scan_letters
 from tactsim.press.engine import ideal_readings
+from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import grid_poses
 from tactsim.press.touches import Touches
 
@@ -15,20 +15,42 @@ FAR = np.array([[40.0, 0.0, 0.0], [0.0, -30.0, 1.0]])
 POSES = np.concatenate([grid_poses()[::9], FAR])
 
 
-def ideal(name, engine):
-    options = level_scan(press=level_press(engine=engine))
+def ideal(name, engine="bed", **skips):
+    options = level_scan(press=level_press(engine=engine, skip=Skips(**skips)))
     return ideal_readings(Touches.of(models.letter(name), POSES), options)
 
 
 @pytest.mark.parametrize("name", ["A", "O"])
 def test_a_level_flat_face_needs_no_solver(name):
     usual, work = ideal(name, "auto")
-    solved, more = ideal(name, "bed")
+    solved, more = ideal(name, "auto", solver=False)
     assert solved == pytest.approx(usual, abs=1e-8 * usual.max())
-    assert not usual[-len(FAR) :].any()
     assert (work["no_contact"], work["presses"]) == (len(FAR), len(POSES) - len(FAR))
     assert (work["solver"], work["engine_exact"], work["engine_bed"]) == (work["presses"], work["presses"], 0)
     assert (more["solver"], more["engine_exact"], more["engine_bed"]) == (0, 0, work["presses"])
+
+
+@pytest.mark.parametrize("name", ["A", "O"])
+@pytest.mark.parametrize(
+    ("skips", "exactly"),
+    [
+        ({"no_contact": False}, True),
+        ({"stages": False}, True),
+        ({"parts": False}, False),
+        ({"parts": False, "cells": False}, False),
+        ({"parts": False, "cells": False, "stages": False, "no_contact": False}, False),
+    ],
+)
+def test_readings_are_equal_with_and_without(name, skips, exactly):
+    usual, work = ideal(name)
+    without, more = ideal(name, **skips)
+    if exactly:
+        assert np.array_equal(usual, without)
+    else:  # parts divide a cell's force between contacts, which adds up with another rounding
+        assert without == pytest.approx(usual, abs=1e-5 * usual.max())
+    for reason in skips:
+        assert work[reason] > 0
+        assert more[reason] == 0
 
 
 def test_poses_in_blocks_do_not_change_a_bit(monkeypatch):
@@ -47,20 +69,20 @@ def test_poses_in_blocks_do_not_change_a_bit(monkeypatch):
 
 def test_a_known_pose_is_not_pressed_again():
     exact = {"letters": ("U",), "test_poses": "same", "placement_mm": 0.0, "placement_rad": 0.0}
-    options = level_scan(**exact, sensor=SensorOptions(noise=0.0))
-    scan, work = scan_letters(options, cache=False)
-    assert (work["presses"] + work["skipped"]["no_contact"], work["skipped"]["known"]) == (192, 192)
-    train, test = scan.where("train").readings, scan.where("test").readings
-    assert np.array_equal(train, test)
-    pressed, _ = ideal_readings(Touches.of(models.letter("U"), grid_poses()), options)
-    assert test == pytest.approx(pressed, abs=0.35 + 1e-9)  # half a step
+    scan, work = scan_letters(level_scan(**exact), cache=False)
+    other, more = scan_letters(level_scan(**exact, press=level_press(skip=Skips(known=False))), cache=False)
+    assert (work["presses"], work["skipped"]["known"]) == (192, 192)
+    assert (more["presses"], more["skipped"]["known"]) == (384, 0)
+    assert np.array_equal(scan.readings, other.readings)
 
 
-def test_switches_of_old_files_are_taken_if_they_were_on():
-    old = {"no_contact": True, "cells": True, "parts": True, "stages": True, "solver": True, "known": True}
-    assert PressOptions.model_validate({"force": 3.0, "skip": old}) == PressOptions(force=3.0)
-    with pytest.raises(ValidationError, match="skip"):
-        PressOptions.model_validate({"skip": old | {"parts": False}})
+def test_all_switches_leave_a_scan_as_it_is():
+    usual, _ = scan_letters(level_scan(letters=("E",)), cache=False)
+    off = Skips(no_contact=False, cells=False, parts=False, stages=False, known=False, solver=False)
+    other, work = scan_letters(level_scan(letters=("E",), press=level_press(skip=off)), cache=False)
+    assert np.array_equal(usual.readings, other.readings)  # the resolution swallows the rounding
+    assert work["presses"] == 384
+    assert not any(work["skipped"].values())
 
 
 @pytest.mark.long
