@@ -159,19 +159,6 @@ class Bed:
             for here, area, most in zip(rows, self.area_of_presses.tolist(), largest.tolist(), strict=True)
         ]
 
-    def of(self, rows: NDArray[np.intp], presses: NDArray[np.intp], count: int) -> Bed:
-        """Take the contacts `rows`, which are in order, and say that they belong to `presses`, out of `count`."""
-        return Bed(
-            level=self.level[rows],
-            cell=self.cell[rows],
-            centre=self.centre[rows],
-            centroid=self.centroid[rows],
-            area=self.area[rows],
-            gap=self.gap[rows],
-            moments=self.moments[:, rows],
-            start=np.searchsorted(presses, np.arange(count + 1)),
-        )
-
     def among(self, presses: NDArray[np.intp], count: int) -> Bed:
         """Say that its presses are `presses`, rising, out of `count`."""
         return replace(self, start=np.searchsorted(presses[self.press], np.arange(count + 1)))
@@ -179,7 +166,11 @@ class Bed:
     def repeat(self, times: int) -> Bed:
         """List the contacts of a bed of one press `times` over, as if pressed again at the same pose."""
         rows = np.tile(np.arange(len(self.area)), times)
-        return self.of(rows, np.repeat(np.arange(times), len(self.area)), times)
+        return Bed(
+            level=self.level[rows], cell=self.cell[rows], centre=self.centre[rows], centroid=self.centroid[rows],
+            area=self.area[rows], gap=self.gap[rows], moments=self.moments[:, rows],
+            start=len(self.area) * np.arange(times + 1),
+        )  # fmt: skip
 
 
 def lay_bed(
