@@ -112,8 +112,8 @@ def press_letter(
     Of `options` only pad, press, sensor and, for the pad's gains, seed count. `rng` draws noise and random
     taxels; without it there are none. rotation: (3, 3), or anything with `as_matrix` such as a SciPy Rotation: presses
     from another side than above. Its columns are axes in the object frame: the third is the pad's normal, pointing away
-    from the letter, and the pose lies in the plane of the other two. The pad's own axes are rotation @ Rz(theta) then, and
-    its middle is on the line rotation @ (x, y, any z).
+    from the letter, and the pose lies in the plane of the other two. The pad's own axes are rotation @ Rz(theta) then,
+    and its middle is on the line rotation @ (x, y, any z).
     Raises InputError if the pose is not three finite numbers, the rotation is none or another argument is of the
     wrong type, UnsettledError if the press does not come to rest.
     """
@@ -194,7 +194,8 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
     if press.foundation != "winkler":
         if relief:
             raise InputError(
-                f"press.foundation: {press.foundation} cannot carry this: {touches.letter.name!r} has relief; give winkler"
+                f"press.foundation: {press.foundation} cannot carry this: {touches.letter.name!r} has relief; "
+                "give winkler"
             )
         return "elastic"
     if relief:

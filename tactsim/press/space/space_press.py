@@ -87,9 +87,7 @@ class SpacePress:
         )
         images *= lattice.kpa
         travel, force = states[:, 0], states[:, 1]
-        return Touched(
-            advanced(start, travel), advanced(true, travel), travel, force > 0, force, images
-        )
+        return Touched(advanced(start, travel), advanced(true, travel), travel, force > 0, force, images)
 
     def sensed(self, touched: Touched, rng: np.random.Generator) -> Touched:
         """Give the touches with what the pad reports of them, one after the other: noise, steps and its other faults.

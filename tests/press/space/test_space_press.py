@@ -84,7 +84,9 @@ def test_touches_agree_with_the_exact_press_of_facets(name):
     exact = level_scan(press=level_press(stiffness=1e3 * STIFFNESS, thickness=3.0))
     shape = Relief(solid.vertices, solid.faces)
     pressed = [
-        relief.press(Touches.of(SimpleNamespace(relief=shape.turned(turn)), pose[None]), exact).readings(exact)
+        relief.press(Touches.of(SimpleNamespace(relief=shape.turned(turn)), pose[None]), exact).readings(
+            exact
+        )
         for turn, pose in zip(turns, poses, strict=True)
     ]
     expected = np.concatenate(pressed).reshape(-1, 6, 6)[:, ::-1].reshape(-1, 36)
@@ -191,5 +193,3 @@ def test_an_unknown_object_and_a_start_that_is_no_pose_are_refused():
 def test_what_makes_no_touch_is_refused(given, said):
     with pytest.raises(ValueError, match=said):
         SpaceOptions(**given)
-
-
