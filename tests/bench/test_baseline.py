@@ -8,8 +8,8 @@ from tactsim.bench.config import run_config
 from tactsim.bench.experiment import perform
 from tactsim.bench.sweep import read, suites
 
-# The paper's protocol tests at the training poses: there it is enough, which is why the default is another one. Recordings
-# are not ours to ship.
+# The paper's protocol tests at the training poses: there it is enough, which is why the default is another one.
+# Recordings are not ours to ship.
 DEFAULT_TASKS = [name for name in suites() if not name.startswith(("paper", "recordings"))]
 MOST = 0.95
 
