@@ -84,6 +84,7 @@ class ListedTouches:
 
     def __init__(self, count: int) -> None:
         self._left = np.arange(count)
+        self._where = b""  # the object at `_poses`, as bytes: arrays take longer to compare
 
     def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) of all touches, the object being where it is."""
@@ -99,7 +100,9 @@ class ListedTouches:
 
     def offer(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) of those that were not taken yet."""
-        self._poses = self.sensor_in_robot(robot_in_object)
+        where = robot_in_object.tobytes()
+        if where != self._where:
+            self._where, self._poses = where, self.sensor_in_robot(robot_in_object)
         return self._poses[self._left]
 
     def take(self, chosen: int, robot_in_object: FloatArray) -> Touch | None:
@@ -618,6 +621,5 @@ def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[s
     return run_trials(plan, _last.estimator, tasks, progress=silent)
 
 
-_last = (
-    threading.local()
-)  # what a worker fitted last; a worker of Dask may have several threads, each with its own
+# What a worker fitted last. A worker of Dask may have several threads, each with its own.
+_last = threading.local()

@@ -7,7 +7,6 @@ Each reading with its pose passes one network, their mean another, which names t
 of many scans: a network that is told nothing of geometry learns the 192 training poses of one scan by heart.
 """
 
-import sys
 from itertools import pairwise
 
 import jax
@@ -121,9 +120,8 @@ def pressed(seeds, letters="AEIOU"):
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     run = tactsim.run(
-        tactsim.scan(seed=0), train_scan=pressed(range(1, count + 1)), estimator=DeepSet(DeepSetOptions()),
+        tactsim.scan(seed=0), train_scan=pressed(range(1, 21)), estimator=DeepSet(DeepSetOptions()),
         trials=40, readings=20,
     )  # fmt: skip
     print("right after 1, 5, 20 readings:", *run.accuracy[[0, 4, 19]])
