@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -9,8 +10,6 @@ from xml.etree.ElementTree import Element
 import tinycss2
 from cssselect2 import ElementWrapper, Matcher, SelectorError, compile_selector_list
 from tinycss2.color4 import parse_color
-
-from tactsim.core.errors import InputError, short
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -26,11 +25,13 @@ _INHERITED = {
 _OWN = {
     "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "filter": "none", "transform": "none",
     "transform-origin": "0 0", "transform-box": "view-box", "overflow": "hidden", "stop-color": "black",
-    "stop-opacity": "1",
+    "stop-opacity": "1", "translate": "none", "rotate": "none", "scale": "none",
 }  # fmt: skip
 # Lengths are properties too, since SVG 2.
 _PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
 _SCREENS = ("", "all", "screen")  # the media for which rules count
+_VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
+_MOST_VARIABLES = 8  # that stand for one another
 
 
 class Paint(NamedTuple):
@@ -38,12 +39,6 @@ class Paint(NamedTuple):
 
     rgb: Rgb | None
     alpha: float
-
-
-class _Rule(NamedTuple):
-    name: str
-    value: str
-    important: bool
 
 
 def declarations(root: Element) -> dict[Element, Style]:
@@ -59,20 +54,23 @@ def declarations(root: Element) -> dict[Element, Style]:
         own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", ""))))
         values = {name: value.strip() for name, value in element.attrib.items()}
         for name in _PROPERTIES & values.keys():
-            if not _is_valid(name, values[name]):
+            if "var(" not in values[name] and not _is_valid(name, values[name]):
                 del values[name]
         for important in (False, True):
-            values |= {rule.name: rule.value for rule in rules + own if rule.important is important}
+            values |= {name: value for name, value, strong in rules + own if strong is important}
         declared[element] = values
     return declared
 
 
 def computed(declared: Style, parent: Style) -> Style:
-    """Compute an element's properties from what is declared of it and from its parent's."""
-    style = {}
+    """Compute an element's properties, and its variables, from what is declared of it and from its parent's."""
+    style = {name: value for name, value in (parent | declared).items() if name.startswith("--")}
     for name, initial in (_INHERITED | _OWN).items():
         value = declared.get(name, "unset")
-        if value in ("unset", "revert"):
+        for _ in range(_MOST_VARIABLES if "var(" in value else 0):
+            value = _VARIABLE.sub(lambda match: style.get(match[1], match[2] or ""), value).strip()
+        value = value if "(" in value else value.lower()
+        if value in ("unset", "revert") or not _is_valid(name, value):
             value = "inherit" if name in _INHERITED else "initial"
         style[name] = {"inherit": parent.get(name, initial), "initial": initial}.get(value, value)
     return style
@@ -107,7 +105,16 @@ def color(text: str, style: Style) -> Paint | None:
         parsed = parse_color(style["color"])
     if parsed is None or isinstance(parsed, str):
         return None
-    red, green, blue = (round(255 * (value or 0)) for value in parsed.to("srgb").coordinates)
+    if parsed.space in ("hsl", "hwb"):
+        parsed = parsed.to("srgb")
+    values = parsed.coordinates  # of red, green and blue of any kind: white is 1, 1, 1
+    if "rgb" not in parsed.space and parsed.space not in ("display-p3", "rec2020"):
+        light, *hues = parsed.to("lab").coordinates
+        values = (
+            light / 100,
+            *(light / 100 + hue / 500 for hue in hues),
+        )  # white is white, and others differ
+    red, green, blue = (round(255 * (value or 0)) for value in values)
     return Paint((red, green, blue), parsed.alpha)
 
 
@@ -126,21 +133,18 @@ def _add_sheet(matcher: Matcher, sheet: list[Any]) -> None:
                 matcher.add_selector(selector, rules)
 
 
-def _rules(content: list[Any]) -> Iterator[_Rule]:
-    """Give the declarations that an outline depends on."""
+def _rules(content: list[Any]) -> Iterator[tuple[str, str, bool]]:
+    """Give the declarations that an outline depends on: name, value and whether it is important."""
     for part in content:
-        if part.type == "declaration" and part.lower_name in _PROPERTIES:
+        if part.type == "declaration" and (part.lower_name in _PROPERTIES or part.name.startswith("--")):
+            name = part.name if part.name.startswith("--") else part.lower_name
             value = tinycss2.serialize(part.value).strip()
-            if _is_valid(part.lower_name, value):
-                yield _Rule(part.lower_name, value, part.important)
+            if "var(" in value or _is_valid(name, value):
+                yield name, value, part.important
 
 
 def _is_valid(name: str, value: str) -> bool:
-    """Tell whether a property's value counts: a paint that is not valid does not."""
-    if "var(" in value:
-        raise InputError(
-            f"its {name} is {short(value)}, a variable: give it a value and save again as plain SVG"
-        )
+    """Tell whether a property's value counts: nothing, and a paint that is not valid, do not."""
     words = ("none", "inherit", "initial", "unset", "context-fill", "context-stroke")
     paint = name not in ("fill", "stroke") or value.lower() in words
-    return paint or url_in(value)[0] is not None or parse_color(value) is not None
+    return bool(value) and (paint or url_in(value)[0] is not None or parse_color(value) is not None)

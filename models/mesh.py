@@ -8,11 +8,12 @@ import warnings
 import zipfile
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationError
 
+from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.shapes import UNITS
@@ -25,6 +26,7 @@ MOST_FACES = 500_000
 MOST_BODIES = 2000  # uniting them takes a second or two
 MOST_UNPACKED = 256 << 20  # bytes in a .3mf
 LEAST_THICKNESS = 0.02  # mm
+GAP = 1e-3  # mm between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
 _PLY_NUMBERS = {
@@ -45,7 +47,6 @@ def read_solid(content: bytes, kind: str) -> Manifold:
     Raises InputError if the file is damaged, too large or refers to other files, or if the mesh is not
     watertight, is of too many bodies or has no thickness.
     """
-    _check_claims(content, kind)
     mesh = _load(content, kind)
     bottom, top = float(mesh.bounds[0, 2]), float(mesh.bounds[1, 2])
     if not top - bottom > LEAST_THICKNESS:
@@ -156,11 +157,12 @@ def _load(content: bytes, kind: str) -> Trimesh:
             warnings.simplefilter("ignore")
             # NumPy's, of numbers that end in something else.
             warnings.simplefilter("error", DeprecationWarning)
+            _check_claims(content, kind)
             if kind in ("obj", "ply"):
                 corners, polygons = (_obj if kind == "obj" else _ply)(content)
                 mesh = trimesh.Trimesh(corners, _triangles(corners, polygons), process=False)
             else:
-                content = _whole_stl(content) if kind == "stl" else content
+                content = {"stl": _whole_stl, "3mf": _one_model}.get(kind, bytes)(content)
                 # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
                 scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False)
                 mesh = scene.to_mesh()
@@ -170,6 +172,11 @@ def _load(content: bytes, kind: str) -> Trimesh:
                     mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
             _check_corners(mesh)
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
+            if not mesh.is_watertight:
+                same = np.arange(len(mesh.vertices))
+                for corners in trimesh.grouping.clusters(mesh.vertices, GAP):
+                    same[corners] = corners[0]
+                mesh.faces = same[mesh.faces]
     except InputError:
         raise
     except Exception as error:
@@ -196,12 +203,35 @@ def _whole_stl(content: bytes) -> bytes:
     return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", _text(content)).encode()
 
 
+def _one_model(content: bytes) -> bytes:
+    """Put all objects of a 3MF into its main model: trimesh gives a component all meshes of another file it names."""
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        names = [name for name in archive.namelist() if name.endswith(".model")]
+        if len(names) < 2:
+            return content
+        models = {"/" + name.lstrip("/"): ElementTree.fromstring(archive.read(name)) for name in names}
+    main = next(model for path, model in models.items() if path.lower() == "/3d/3dmodel.model")
+    for path, model in models.items():
+        for tag, key in (("object", "id"), ("component", "objectid"), ("item", "objectid")):
+            for element in model.iterfind(f".//{{*}}{tag}"):
+                where = next(
+                    (element.attrib.pop(name) for name in [*element.keys()] if name.endswith("}path")), path
+                )
+                element.set(key, f"{where} {element.get(key)}")
+        if model is not main:
+            main.find("{*}resources").extend(model.iterfind(".//{*}object"))  # type: ignore[union-attr]
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("3D/3dmodel.model", ElementTree.tostring(main))
+    return packed.getvalue()
+
+
 def _obj(content: bytes) -> tuple[FloatArray, list[list[int]]]:
     """Read the corners (v, 3) and polygons of an OBJ file; trimesh fans polygons, which is wrong for concave ones."""
     corners: list[list[float]] = []
     polygons = []
     for line in _text(content).replace("\\\n", " ").split("\n"):
-        word, *values = line.split() or [""]
+        word, *values = line.partition("#")[0].split() or [""]
         if word == "v":
             corners.append([float(value) for value in values[:3]])
         elif word == "f":
@@ -349,50 +379,22 @@ def _check_archive(content: bytes) -> None:
         raise InputError(f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh")
 
 
-class _Buffer(BaseModel):
-    uri: str | None = None
-
-
-class _Accessor(BaseModel):
-    count: int = Field(ge=0)
-
-
-class _Primitive(BaseModel):
-    mode: int = 4
-
-
-class _Mesh(BaseModel):
-    primitives: list[_Primitive] = []
-
-
-class _Gltf(BaseModel):
-    """The fields of glTF 2.0 that say what and how much there is to read, and from where."""
-
-    meshes: list[_Mesh] = []
-    accessors: list[_Accessor] = []
-    nodes: list[dict[str, Any]] = []
-    buffers: list[_Buffer] = []
-    images: list[_Buffer] = []
-    extensionsRequired: list[str] = []
-
-
 def _gltf_faces(content: bytes, kind: str) -> int:
     """Bound the faces by the JSON of glTF, which comes first in a .glb (glTF 2.0, section 4.4)."""
     if kind == "glb":
         if len(content) < 20 or content[:8] != b"glTF\2\0\0\0" or content[16:20] != b"JSON":
             raise InputError("not a GLB file (binary glTF 2.0)")
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-    try:
-        tree = _Gltf.model_validate_json(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "its JSON"
-        raise InputError(f"not a whole {kind.upper()} file: {place}: {first['msg']}") from error
-    if tree.extensionsRequired:
-        raise InputError(f"it needs the glTF extension {tree.extensionsRequired[0]!r}; export it without")
-    if any(primitive.mode == 6 for mesh in tree.meshes for primitive in mesh.primitives):
+    tree = parse_json(content, "its JSON")
+    accessors = tree.get("accessors", [])
+    for name in tree.get("extensionsRequired", []):
+        if not name.startswith(("KHR_materials", "KHR_texture")):
+            raise InputError(f"it needs the glTF extension {name!r}; export it without")
+    if any(part.get("mode") == 6 for mesh in tree.get("meshes", []) for part in mesh["primitives"]):
         raise InputError("it has fans of triangles (mode 6), which are not read; export it with triangles")
-    if any(part.uri is not None and not part.uri.startswith("data:") for part in tree.buffers + tree.images):
+    if any("sparse" in accessor for accessor in accessors):
+        raise InputError("it has sparse accessors, which are not read; export it without shape keys")
+    if any(not buffer.get("uri", "data:").startswith("data:") for buffer in tree.get("buffers", [])):
         raise InputError("it refers to other files; export it again as one self-contained .glb")
     # Three corners make a face. Placing a node costs as much as a hundred faces.
-    return sum(accessor.count for accessor in tree.accessors) // 3 + 100 * len(tree.nodes)
+    return sum(abs(accessor["count"]) for accessor in accessors) // 3 + 100 * len(tree.get("nodes", []))

@@ -36,6 +36,7 @@ LARGEST_FILE = 2 << 20  # bytes
 LARGEST = 1e4  # mm
 WHOLE_PAGE = 1e-3  # share of the page that a fill may leave free and still be the page itself
 _SAMPLES = 32  # steps along a curve by which its bend is measured
+WHITE = 250  # least red, green and blue of white: CorelDRAW's is #fefefe
 OPAQUE = 0.99  # a white fill hides what lies below it from this opacity on
 PIXEL = 25.4 / 96  # mm
 
@@ -45,21 +46,12 @@ _GRADIENTS = (f"{SVG}linearGradient", f"{SVG}radialGradient")
 _UNITS = {
     "": 1.0, "px": 1.0, "mm": 96 / 25.4, "cm": 960 / 25.4, "q": 24 / 25.4, "in": 96.0, "pt": 4 / 3, "pc": 16.0,
 }  # fmt: skip
-_LETTER = "16px"  # of 1em, where a page's size is so given
 _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
 _DRAWN = {*_SHAPES, "g", "a", "switch", "svg", "use", "text", "image", "foreignObject"}
 _FOREIGN = {"text": "text", "image": "a picture", "foreignObject": "foreign content"}
-_WHITE = (255, 255, 255)
+_HIDDEN = ("hidden", "collapse")
 # What svg.path, tinycss2 and the arithmetic raise on outlines, styles and lengths that are cut off or wrong.
-_DAMAGED = (
-    ArithmeticError,
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    AssertionError,
-    RecursionError,
-)
+_DAMAGED = (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 
 
 class Drawing(NamedTuple):
@@ -190,13 +182,16 @@ class _Reader:
                 continue
             here = replace(around, style=style, alpha=alpha)
             if style["transform"] != "none":
-                if style["transform-box"] != "view-box" and style["transform-origin"] != "0 0":
-                    here = replace(here, hazard="a transform about the middle of an element")
+                if style["transform-box"] != "view-box":
+                    here = replace(here, hazard="a transform about the box of an element")
                 matrix = _transform(style["transform"], style["transform-origin"], here.view)
                 here = replace(here, matrix=_joined(here.matrix, matrix))
-            for key, hazard in (("mask", "a mask"), ("filter", "a filter")):
+            if tag == "use":
+                x, y = (_length(declared, key, here.view, index) for index, key in enumerate(("x", "y")))
+                here = replace(here, matrix=_joined(here.matrix, np.array([[1.0, 0, x], [0, 1.0, y]])))
+            for key in ("mask", "filter", "translate", "rotate", "scale"):
                 if style[key] != "none" and url_in(style[key])[0] in {None, *self.named}:
-                    here = replace(here, hazard=hazard)
+                    here = replace(here, hazard=f"a {key}")
             if style["clip-path"] != "none":
                 here = self._clipped(here)
             if tag in _SHAPES:
@@ -216,7 +211,7 @@ class _Reader:
     def _fill(self, element: Element, here: _Context) -> Iterator[_Fill]:
         """Give the region of a shape that is filled, and count its stroke."""
         style = here.style
-        if style["visibility"] != "visible":
+        if style["visibility"] in _HIDDEN:
             return
         stroke = self._paint("stroke", here)
         self.strokes += stroke is not None and not re.fullmatch(r"0*\.?0*(px)?", style["stroke-width"])
@@ -339,7 +334,7 @@ class _Reader:
     def _clip_part(self, element: Element, here: _Context) -> Iterator[CrossSection]:
         if here.hazard:
             raise InputError(f"a clip path in it has {here.hazard}: apply it and save again as plain SVG")
-        if here.style["visibility"] == "visible":
+        if here.style["visibility"] not in _HIDDEN:
             yield self._region(element, here, here.style["clip-rule"])
 
     def _viewport(self, declared: Style, size: Style, here: _Context) -> _Context:
@@ -363,14 +358,15 @@ class _Reader:
         return replace(here, matrix=matrix, clip=clip, view=(box[2], box[3]) if box else (width, height))
 
     def _cloned(self, use: Element, here: _Context) -> list[tuple[Element, _Context]]:
-        """List what a <use> shows."""
+        """List what a <use> shows, in its own frame."""
         declared = self.declared[use]
-        element = self.named.get(_link(declared))
+        link = _link(declared)
+        if "#" in link:
+            raise InputError(f"it shows a part of another file, {short(link)}: put that into the drawing")
+        element = self.named.get(link)
         if element is None or element in here.clones or use in element.iter():
             return []
-        x, y = (_length(declared, key, here.view, index) for index, key in enumerate(("x", "y")))
-        moved = np.array([[1.0, 0, x], [0, 1.0, y]])
-        inner = replace(here, matrix=_joined(here.matrix, moved), clones=(*here.clones, element))
+        inner = replace(here, clones=(*here.clones, element))
         if element.tag not in (f"{SVG}symbol", f"{SVG}svg"):
             return [(element, inner)]
         own = self.declared[element]
@@ -385,12 +381,12 @@ class _Reader:
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        empty = not any(text.strip() for text in element.itertext()) and not len(element)
-        if tag == "image":
-            empty = not _link(element.attrib)
+        empty = not any(text.strip() for text in element.itertext())
+        if tag != "text":
+            empty = not _link(element.attrib) if tag == "image" else not len(element)
         unseen = tag == "text" and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0
-        if not (empty or unseen or here.style["visibility"] != "visible"):
+        if not (empty or unseen or here.style["visibility"] in _HIDDEN):
             raise InputError(
                 f"it draws {_FOREIGN[tag]} (<{tag}>); only filled outlines are read: convert it to paths"
             )
@@ -409,8 +405,8 @@ def _seen(fills: list[_Fill], page: Rgb | None) -> CrossSection:
     """
     from manifold3d import CrossSection
 
-    own = set() if page is None else {page}
-    holes = {_WHITE, *own}
+    own: set[Rgb | None] = set() if page is None else {page}
+    holes = own | {fill.paint.rgb for fill in fills if min(fill.paint.rgb or (0,)) >= WHITE}
     if all(fill.paint.rgb in holes for fill in fills):
         holes = own
         if all(fill.paint.rgb in holes for fill in fills):
@@ -430,9 +426,9 @@ def _page(declared: Style) -> tuple[FloatArray, tuple[float, float] | None, Floa
     sides: list[float | None] = []
     for key in ("width", "height"):
         text = declared.get(key, "auto").strip()
-        text = _LETTER if text == "1em" and "font-size" not in declared else text
+        text = text if "font-size" in declared else re.sub(r"r?em$", "pc", text)  # 16 px either way
         # A share of the window says nothing about mm.
-        known = text and text != "auto" and not text.endswith("%")
+        known = text and text != "auto" and not text.endswith(("%", "vw", "vh"))
         sides.append(PIXEL * _length({key: text}, key, None, 0) if known else None)
         if known and not sides[-1] > 0:  # type: ignore[operator]
             raise InputError(f"its {key} is {short(text)}: it must be positive")
@@ -463,12 +459,11 @@ def _view_box(declared: Style) -> tuple[float, float, float, float] | None:
 def _fit(box: tuple[float, float, float, float], width: float, height: float, ratio: str) -> FloatArray:
     """Fit a viewBox into a width and a height as preserveAspectRatio says: a matrix (2, 3)."""
     scale, spare = np.array([width / box[2], height / box[3]]), np.zeros(2)
-    words = ratio.split() or ["xMidYMid"]
-    if "none" not in words:
-        scale[:] = scale.max() if "slice" in words else scale.min()
-        align = next(word for word in words if word.startswith("x"))
+    if "none" not in ratio.split():
+        scale[:] = scale.max() if "slice" in ratio.split() else scale.min()
+        align = re.findall(r"x(Min|Mid|Max)Y(Min|Mid|Max)", f"{ratio} xMidYMid")[0]
         shares = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
-        spare = ([width, height] - scale * box[2:]) * [shares[align[1:4]], shares[align[5:]]]
+        spare = ([width, height] - scale * box[2:]) * [shares[word] for word in align]
     return np.column_stack([np.diag(scale), spare - scale * box[:2]])
 
 
@@ -561,8 +556,7 @@ def _is_shown(element: Element) -> bool:
     """Tell whether an element may be drawn, in English and without extensions; not a comment, nor an editor's notes."""
     languages = element.get("systemLanguage", "en").lower().split(",")
     return (
-        isinstance(element.tag, str)
-        and element.tag.removeprefix(SVG) in _DRAWN
+        element.tag.removeprefix(SVG) in _DRAWN
         and not element.get("requiredExtensions")
         and any(language.strip().split("-")[0] == "en" for language in languages)
     )

@@ -27,11 +27,13 @@ _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _TITLE_WITHIN = 20  # lines, at whose end the title has stood
 # The title of the time, and its unit: `Time [ms]`, `Time(s)`, `timestamp_us`, `t`.
 _TIME = re.compile(
-    r'["\s]*(?:(?:elapsed[ _]?)?time(?:stamp)?|t)(?:_(\w+)|\b[^\[(,;\t]*(?:[\[(]\s*(\w+)\s*[\])])?)',
+    r'["\s]*(?:(?:elapsed[ _]?)?time(?:_?stamp)?|t)'
+    r"(?:_(\w+)|\b(?:[^\[(/,;\t]*?(?:[\[(]\s*(\w+)\s*[\])]|(?:/|\bin\s)\s*(\w+)))?)",
     re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
-_SECONDS |= {"milliseconds": 1e-3, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
+_SECONDS |= {"milliseconds": 1e-3, "msec": 1e-3, "millis": 1e-3, "usec": 1e-6, "micros": 1e-6}
+_SECONDS |= {"µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
@@ -107,10 +109,12 @@ def read_table(lines: Iterable[bytes]) -> Table:
     separator = next((mark for mark in ";\t" if mark in title), ",")
     filled = (text for text in texts if text.strip())
     samples = list(islice(filled, _STEPS))
-    commas = separator == ";" and any("," in text for text in samples)
+    commas = separator != "," and any("," in text for text in samples)
     head = [_numbers(text, separator, commas) for text in samples]
-    first = next((row for row in head if row is not None), None)
-    if first is None or len(first) < 2:
+    rows = [row for row in head if row is not None]
+    usual = max(map(len, rows), default=0, key=[*map(len, rows)].count)
+    first = next((row for row in rows if len(row) == usual), None)
+    if first is None or usual < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers{but}")
     tick, remark = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
@@ -137,7 +141,7 @@ def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:
         return None
     while cells and not cells[-1].strip():
         cells.pop()
-    if separator == ";" and (commas or "," in text):
+    if separator != "," and (commas or "," in text):
         cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
     try:
         numbers = np.array([float(cell) for cell in cells])
@@ -154,7 +158,7 @@ def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:
 def _tick(title: str, times: list[float]) -> tuple[float, str | None]:
     """Give the s of one unit of time: of the title's, or by the median step, and then a remark that says so."""
     named = _TIME.match(title)
-    unit = (named[1] or named[2]) if named else None
+    unit = next(filter(None, named.groups()), None) if named else None
     if unit is not None:
         if unit.lower() not in _SECONDS:
             raise CodecError(f"the title's unit of time is {unit!r}; known are {', '.join(_SECONDS)}")

@@ -26,6 +26,9 @@ _TAILS = (0.01, 0.99)  # quantiles between which a taxel's range lies
 _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
 _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded, and has no say
+_NARROW = 0.05  # of its range: readings at an end of it that lie closer together are at rest, or saturated
+_SATURATED = 0.03  # share of its readings that are the last of its range
+_CLEAR = 1.25  # times as many readings as at the other end
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
 _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
@@ -90,14 +93,20 @@ def find_idle(readings: ArrayLike) -> Idle:
     widths = np.array([[_shortest(half, count) for half in pair] for pair in halves])
     extent = np.ptp(values, axis=0)
     near_equal, felt = _EQUAL * extent, extent > _FELT * np.quantile(extent, 0.9)
+    # A saturated taxel reads the very end again and again, too: of most such taxels fewer readings are near that end.
+    counts = np.array([[len(half) for half in pair] for pair in halves])
+    at_end = (values <= values.min(axis=0) + near_equal) | (values >= values.max(axis=0) - near_equal)
+    both = (widths <= _NARROW * extent[:, None]).all(axis=1) & (at_end.mean(axis=0) > _SATURATED)
+    order = np.where(both[:, None], -counts * extent[:, None], widths)
     with np.errstate(invalid="ignore"):
-        rises, falls = (felt & (widths[:, end] < widths[:, 1 - end] - near_equal) for end in (0, 1))
+        rises, falls = (felt & (order[:, end] < order[:, 1 - end] - near_equal) for end in (0, 1))
     most = -1.0 if falls.sum() > rises.sum() else 1.0
     # At rest all taxels are about as noisy. So where only one end holds readings enough, a wide one is no rest.
     tight = widths.min(axis=1)
     usual = float(np.median(tight[rises | falls])) if (rises | falls).any() else 0.0
     quiet = (tight <= _QUIET * usual + near_equal) | np.isfinite(widths).all(axis=1)
-    rises, falls = rises & quiet, falls & quiet
+    clear = quiet & (~both | (counts.max(axis=1) > _CLEAR * counts.min(axis=1)))
+    rises, falls = rises & clear, falls & clear
     sign = np.where(rises, 1.0, np.where(falls, -1.0, most))
     chosen = [pair[0 if of_taxel > 0 else 1] for pair, of_taxel in zip(halves, sign, strict=True)]
     level = np.array([_shorth(half, equal) for half, equal in zip(chosen, near_equal, strict=True)])

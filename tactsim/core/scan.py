@@ -668,6 +668,6 @@ def splits_of(values: Any, count: int) -> NDArray[np.str_]:
         array = array.astype(bool)
     if array.dtype.kind == "b":
         return np.where(array.reshape(-1), "train", "test")
-    if array.dtype.kind != "U":
+    if array.dtype.kind not in "USO":
         raise InputError("the split is neither 'train' and 'test' nor 1 (to train on) and 0 (to test with)")
     return names_of(array, "split")

@@ -60,6 +60,15 @@ def test_dead_taxels_have_no_say():
     assert (find_idle(readings).sign == -1).all()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("step", [0.0, 0.7])
+def test_saturated_taxels_are_not_idle(sign, step):
+    readings = sign * np.minimum(pressed(step=step), 25) + 400
+    idle = find_idle(readings)
+    assert (idle.sign == sign).all()
+    assert idle.level == pytest.approx(np.full(TAXELS, 400), abs=1)
+
+
 def test_few_readings_are_taken_as_they_are():
     few = find_idle(pressed()[:9] + 400)
     assert np.array_equal(few.rise([500.0] * TAXELS), [500.0] * TAXELS)

@@ -23,9 +23,10 @@ from tactsim.models.svg import filled_region
 D = 'd="M4 2h6v18h10v6h-16z"'  # an L of 204 mm^2
 L, WHITE = f"<path {D}/>", f'<path fill="white" {D}/>'
 RECT = 'width="28" height="28"'
+BLACK = '<path d="M3 3h24v24h-24z"/>'
 MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
 PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
-UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "turn)", "200%")
+UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "turn)", "200%", "var(", "NONE", "foo", "p3", "lch")
 FILLS_ONLY = "*{stroke:none !important}"
 
 
@@ -90,6 +91,11 @@ SEEN = [
     ('<style>.e{fill-rule:evenodd}</style><path class="e" d="M2 2h26v26h-26zM8 8h14v14h-14z"/>', 480),
     (f'<g fill="none"><rect fill="inherit" {RECT}/></g>{L}', 204),
     ('<g color="red" fill="none"><rect fill="currentColor" width="9" height="9"/></g>', 81),
+    (f'<style>:root{{--n:var(--m);--m:none}} .a{{fill:var(--n)}}</style><rect class="a" {RECT}/><path fill="var(--x, '
+     f'red)" {D}/>', 204),
+    (f'<g style="Display:NONE"><rect {RECT}/></g><g mask="" clip-path="" filter="" visibility="foo">{L}</g>', 204),
+    *[(f'{BLACK}<rect x="9" y="9" width="10" height="10" style="fill:{white}"/>', 476)
+      for white in ("color(display-p3 1 1 1)", "oklch(100% 0 0)")],
     # fills that are not seen
     *[(f"<rect {fill} {RECT}/>{L}", 204) for fill in (
         'fill-opacity="0"', 'opacity="0"', 'fill="#ffffff00"', 'style="fill:rgba(0,0,0,0)"', 'fill="transparent"',
@@ -121,6 +127,8 @@ SEEN = [
     ('<g id="a"><use href="#a"/><rect width="9" height="9"/></g>', 81),
     ('<rect id="r" width="9" height="9"/><clipPath id="c"><use href="#r"/></clipPath><g clip-path="url(#c)"><rect '
      'width="20" height="20"/></g>', 81),
+    ('<clipPath id="c"><rect width="5" height="30"/></clipPath><defs><rect id="a" width="9" height="9"/></defs><use '
+     'href="#a" x="3" y="3" clip-path="url(#c)"/>', 45),
     ('<clipPath id="a"><rect width="20" height="10"/></clipPath><clipPath id="b" clip-path="url(#a)" '
      'transform="scale(2)"><rect width="5" height="10"/></clipPath><rect clip-path="url(#b)" width="28" height="28"/>',
      100),
@@ -131,7 +139,7 @@ SEEN = [
     (f'<symbol id="s"><rect {RECT}/></symbol><text display="none">A</text>{L}', 204),
     (f'<a href="#x">{L}</a><script>1</script><view id="v"/><metadata/><g style="display:none"><text>A</text></g>', 204),
     (f'<switch><foreignObject requiredExtensions="x"/><g>{L}</g><rect {RECT}/></switch>', 204),
-    (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text> </text><image/>', 204),
+    (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text><tspan/></text><image/>', 204),
     (f'{L}<rect x="40" y="40" width="5" height="5"/>', 204),
     ('<rect width="30" height="30"/>', 900),
 ]  # fmt: skip
@@ -150,11 +158,8 @@ def test_what_is_seen_is_the_shape(tmp_path, body, area):
     [
         (f'<rect width="30" height="30" fill="white"/>{L}', 204, [255, 255, 255]),
         (f'<rect width="100%" height="100%" fill="#F00"/>{WHITE}', 204, [255, 0, 0]),
-        (
-            '<path d="M3 3h24v24h-24z"/><rect x="9" y="9" width="10" height="10" fill="#fff"/>',
-            476,
-            [255, 255, 255],
-        ),
+        (f'{BLACK}<rect x="9" y="9" width="10" height="10" fill="#fff"/>', 476, [255, 255, 255]),
+        (f'{BLACK}<rect x="9" y="9" width="10" height="10" fill="#fefefe"/>', 476, [254, 254, 254]),
     ],
 )
 def test_the_page_is_no_ink_and_white_on_black_is_a_hole(tmp_path, body, area, paper):
@@ -172,7 +177,8 @@ def test_the_page_is_no_ink_and_white_on_black_is_a_hole(tmp_path, body, area, p
             (60, 30),
         ),
         ('style="width:30mm;height:30mm" viewBox="0 0 30 30"', 204, (30, 30)),
-        ('width="3cm" viewBox="0 0 30 30"', 204, (30, 30)),
+        ('width="3cm" viewBox="0 0 30 30" preserveAspectRatio="foo"', 204, (30, 30)),
+        ('width="1.5em" height="100vh" viewBox="0 0 30 30"', 204 * 0.0448, (30 * 0.8 * 25.4 / 96,) * 2),
         ('width="100%" height="100%" viewBox="0 0 30 30"', 204 * (25.4 / 96) ** 2, (30 * 25.4 / 96,) * 2),
         ('width="1in" height="1in" viewBox="2 1 30 30"', 204 * (25.4 / 30) ** 2, (25.4, 25.4)),
         ('width="100" height="100"', 204 * (25.4 / 96) ** 2, (100 * 25.4 / 96,) * 2),
@@ -260,7 +266,12 @@ def test_drawings_that_are_put_together_are_what_resvg_fills(data):
         ("<text>A</text>", "<text>"),
         (f'{MASK}<g mask="url(#m)"><rect width="9" height="9"/></g>', "it has a mask"),
         ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip of its style"),
-        ('<rect width="9" height="9" fill="var(--c, none)"/>', "a variable"),
+        ('<rect width="9" height="9" style="translate:5px"/>', "it has a translate"),
+        (
+            '<rect width="9" height="9" style="transform-box:fill-box;transform:rotate(9deg)"/>',
+            "about the box",
+        ),
+        ('<use href="other.svg#a"/>', "a part of another file"),
         ('<pattern id="p"/><rect width="9" height="9" fill="url(#p)"/>', "a pattern"),
         ('<marker id="m"/><path marker-end="url(#m)" d="M0 0h9v9z"/>', "markers"),
         ('<line x2="9" y2="9" stroke="red"/>', "only strokes (1)"),

@@ -137,7 +137,8 @@ def obj(draw, vertices, polygons):
     lines += ["v " + " ".join(map(number, vertex)) + more for vertex in vertices]
     lines += ["vn 0 0 1", "vt 0 0", "usemtl a", "s off", "g thing"]
     shift = -len(vertices) if backwards else 1
-    lines += ["f " + " ".join(corner(index + shift) for index in face) for face in polygons]
+    note = draw(st.sampled_from(["", " # a face"]))
+    lines += ["f " + " ".join(corner(index + shift) for index in face) + note for face in polygons]
     return as_text(draw, lines)
 
 

@@ -65,6 +65,38 @@ def test_a_3mf_file_says_its_unit(tmp_path, unit, millimetres):
     assert models.shape(path).area == pytest.approx(200, rel=1e-4)
 
 
+def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
+    """As Bambu Studio and Orca write them: one file with two parts, and one whose object has the same number."""
+    path = write_mesh(tmp_path, trimesh.Scene([box(20, 10, 3), box(6, 6, 3)]), "3mf")
+    with zipfile.ZipFile(path) as archive:
+        objects = re.findall(
+            rb'<object [^>]*id="[12]".*?</object>', archive.read("3D/3dmodel.model"), re.DOTALL
+        )
+    objects = [part.replace(b'id="2"', b'id="1"') for part in objects]
+    namespaces = b'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" xmlns:p="p"'
+    wrapped = b'<model unit="millimeter" %s><resources>%s</resources><build>%s</build></model>'
+    parts = [objects[0] + objects[1].replace(b'id="1"', b'id="2"'), objects[1]]
+    placed = b'<object id="1"><components>%s</components></object>' % b"".join(
+        b'<component p:path="/3D/%d.model" objectid="%d" transform="1 0 0 0 1 0 0 0 1 0 %d 0"/>' % place
+        for place in [(0, 1, 0), (0, 2, 20), (1, 1, 40)]
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", wrapped % (namespaces, placed, b'<item objectid="1"/>'))
+        for number, part in enumerate(parts):
+            archive.writestr(f"3D/{number}.model", wrapped % (namespaces, part, b""))
+    assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
+
+
+def test_corners_that_rounding_moved_apart_are_one(tmp_path):
+    mesh = trimesh.creation.cylinder(8, 4, sections=100)
+    corners = mesh.triangles + np.random.default_rng(0).uniform(-2e-4, 2e-4, mesh.triangles.shape)
+    path = write_mesh(
+        tmp_path,
+        trimesh.Trimesh(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), process=False),
+    )
+    assert models.shape(path).area == pytest.approx(mesh.volume / 4, rel=1e-3)
+
+
 def test_only_the_highest_face_is_pressed(tmp_path):
     plate = box(40, 40, 2, at=(0, 0, -3)).union(box(12, 8, 6), engine="manifold")
     shape = models.shape(write_mesh(tmp_path, plate))
@@ -240,7 +272,9 @@ def glb(tree):
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco"),
         ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "faces; the most"),
         ({"accessors": [{"componentType": 5126, "count": 10**5, "type": "VEC3"}]}, "not a whole GLB"),
-        ({"accessors": [{"count": -5}]}, "accessors.0.count"),
+        ({"accessors": [{"count": -5}]}, "not a whole GLB"),
+        ({"accessors": [{"count": 3, "sparse": {"count": 3}}]}, "sparse accessors"),
+        ({"extensionsRequired": ["KHR_materials_unlit"]}, "not watertight"),
         ({"nodes": [{"mesh": 0}] * 100_000}, "faces; the most"),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, "not watertight"),
         ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]}, "fans of triangles"),
