@@ -7,16 +7,19 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 from command_line import refused
 from small_runs import draw_nothing
+from test_trials import Blind
 
 from tactsim.bench import results, sweep
 from tactsim.bench.experiment import perform, silent
 from tactsim.core import InputError
+from tactsim.estimators import registry
 
 SMALL = """
 [defaults]
@@ -217,6 +220,30 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
         with (place / "trials.csv").open(newline="") as stream:
             rows = [(row["truth"], row["trial"], row["reading_number"]) for row in csv.DictReader(stream)]
         assert len(rows) == len(set(rows)) == 2 * 100 * 3
+
+
+class OfOneThread(Blind):
+    """Guess, but only in the thread in which it was fitted."""
+
+    def fit(self, scan):
+        super().fit(scan)
+        self.thread = threading.get_ident()
+
+    def update(self, reading, sensor_in_robot):
+        assert self.thread == threading.get_ident()
+        super().update(reading, sensor_in_robot)
+
+
+@pytest.mark.long
+def test_each_thread_of_a_dask_worker_has_an_estimator_of_its_own(monkeypatch, tmp_path):
+    monkeypatch.setitem(registry.BUILT_IN, "of-one-thread", ("test_sweep:OfOneThread", "for tests"))
+    draw_nothing(monkeypatch)
+    run = {"estimator": "of-one-thread", "letters": "IO", "trials": 100, "readings": 3}
+    with pytest.importorskip("distributed").LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, protocol="tcp", dashboard_address=None
+    ) as cluster:
+        pool = sweep.dask_pool(cluster.scheduler_address)
+        sweep.perform(sweep.expand({"run": [run]}, "s"), tmp_path / "out", jobs=1, pool=pool, progress=silent)
 
 
 @pytest.mark.parametrize("address", ["localhost", "tcp://:x"])

@@ -1,4 +1,4 @@
-"""What pages say of the source is so, and the site that is built needs no network."""
+"""What pages and pictures say of the source is so, and the site that is built needs no network."""
 
 import re
 import subprocess
@@ -7,6 +7,7 @@ import sys
 import pytest
 from pages import PAGES, ROOT
 
+from tactsim.bench.tasks import names, task
 from tactsim.estimators.registry import BUILT_IN
 
 DOCS = ROOT / "docs"
@@ -23,6 +24,32 @@ def test_files_and_folders_that_a_page_names_exist(page):
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_a_reader_who_chooses_hears_of_every_estimator(name):
     assert f"`{name}`" in (DOCS / "choose-an-estimator.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_tasks_says_what_their_files_say():
+    page = (DOCS / "tasks.md").read_text(encoding="utf-8")
+    rows = []
+    for name in names():
+        asked = task(name)
+        figures = ", ".join(f"`{figure}`" for figure in asked.scored)
+        size = f"{len(asked.letters)} | {len(asked.seeds)} x {asked.trials} | {asked.readings}"
+        rows.append(f"| `{name}` | {asked.line} | {size} | {figures} | `{asked.data[:12]}` |")
+    assert re.findall(r"^\| `[\w-]+` \|.*", page, re.M) == rows
+
+
+def test_the_picture_of_the_rooms_shows_who_imports_whom():
+    picture = (DOCS / "pictures" / "rooms.svg").read_text(encoding="utf-8")
+    rooms = set(re.findall(r'data-room="(\w+)"', picture))
+    imported = {
+        (room, other)
+        for room in rooms
+        for path in (ROOT / "tactsim" / room).rglob("*.py")
+        for other in re.findall(
+            r"^\s*(?:from|import) tactsim(?:\.| import )(\w+)", path.read_text("utf-8"), re.M
+        )
+        if other in rooms - {room}
+    }
+    assert set(re.findall(r'data-from="(\w+)" data-to="(\w+)"', picture)) == imported
 
 
 @pytest.mark.slow

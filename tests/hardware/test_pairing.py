@@ -75,6 +75,13 @@ def test_by_the_counter_no_loss_joins_two_moments(ports, first, losses, random):
     if not losses:
         assert len(readings) == 60
     assert stream.waiting_bytes() < 100 * len(ports) * 100
+    assert every_frame_is_accounted_for(stream, readings)
+
+
+def every_frame_is_accounted_for(stream, readings):
+    """Tell whether each frame that was heard is in a reading or counted as unpaired, those that still wait too."""
+    stream.lost(0, 1e6)
+    return sum(stream.heard.values()) == len(stream.heard) * len(readings) + stream.counters.unpaired
 
 
 @settings(max_examples=30)
@@ -101,6 +108,7 @@ def test_by_a_stated_time_no_loss_joins_two_moments(ports, losses, random):
     assert all(len(set(reading.pressures)) == 1 for reading in readings)
     if not losses:
         assert len(readings) == 60
+    assert every_frame_is_accounted_for(stream, readings)
 
 
 def read_at(when, stalls):
@@ -190,6 +198,10 @@ def test_a_counter_that_comes_round_again_pairs_with_nothing_old():
     stream = Stream(device)
     assert stream.received(0, says(device, 0, 7), 0.0) == []
     assert stream.received(0, says(device, 1, 7), 131.0) == []
+    for moment in (30_000, 60_000, 7):  # within the deadline, so that a frame takes the place of an older one
+        stream.received(0, says(device, 1, moment), 131.0)
+    assert stream.counters.unpaired == 2
+    assert every_frame_is_accounted_for(stream, [])
 
 
 def test_a_device_that_begins_anew_is_joined_with_nothing_of_before():

@@ -72,6 +72,7 @@ def test_response_and_loads_are_found_whatever_the_unit(rng):
     assert fit.response == pytest.approx(response, rel=0.05)
     assert fit.load_spread == pytest.approx(0.25, rel=0.3)
     assert np.corrcoef(np.log(fit.loads), np.log(loads))[0, 1] > 0.97
+    assert np.polyfit(np.log(loads), np.log(fit.loads), 1)[0] == pytest.approx(1, rel=0.15)
     assert fit.psf_sigma == pytest.approx(0.8, abs=0.1)
     same = fit_sensor(recorded / unit, world, STATED, BENDING)
     assert fit.psf_sigma == pytest.approx(same.psf_sigma, rel=1e-6)

@@ -158,6 +158,15 @@ def test_the_servo_is_exact_without_contact_at_any_step():
         assert left == pytest.approx(0.015 * np.exp(-control.servo / 0.1 * step), abs=1e-12)
 
 
+@pytest.mark.parametrize(("dissipation", "most"), [(0.0, 1.0), (0.5, 1.0), (4.0, 0.25)])
+def test_damping_at_most_doubles_the_layers_force_at_the_speed_in_contact(dissipation, most):
+    """The layer's force is k x (1 + c v): the carriage is driven at c v = 1 at most, s/m times m/s."""
+    control = ForceControl.designed(
+        0.1, 6e4, force=2000.0, approach_speed=1.0, ramp=0.0, dissipation=dissipation
+    )
+    assert control.touch_speed == control.contact(1e9, 0.0) == -control.contact(0.0, 1e9) == most
+
+
 # m/s and s/m, whose product is all that a bounce depends on.
 @pytest.mark.parametrize(("speed", "dissipation"), [(0.01, 0.0), (0.1, 30.0)])
 def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):

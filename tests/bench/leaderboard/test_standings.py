@@ -167,10 +167,15 @@ def test_a_task_says_which_of_its_figures_ranks(tmp_path):
     # open-set-v1 ranks by accuracy; among equals the error decides the order, not the rank. Only of known letters is
     # there an error.
     sure = {name: entered(name, "open-set-v1", skill=20, mm=mm) for name, mm in (("b", 1), ("a", 2))}
-    (of,) = folder_of(tmp_path, sure).standings
+    poor = {"poor": entered("poor", "open-set-v1", skill=0.3, mm=1)}
+    (of,) = folder_of(tmp_path, sure | poor).standings
     assert (of.by, of.accuracy_by, of.error_by) == ("accuracy@15", "accuracy@15", "error_all_mm@15")
-    assert [(one.label, one.rank) for one in of.ranked] == [("b", (1, 2)), ("a", (1, 2))]
-    assert [one.figure("accuracy@15").value for one in of.ranked] == [1, 1]
+    assert [(one.label, one.rank) for one in of.ranked] == [("b", (1, 2)), ("a", (1, 2)), ("poor", (3, 3))]
+    accuracy = [one.figure("accuracy@15").value for one in of.ranked]
+    assert accuracy[:2] == [1, 1]
+    pair = of.neighbours[-1]
+    assert (pair.first.label, pair.lost) == ("a", 0)
+    assert pair.won == round((1 - accuracy[2]) * of.trials)
     assert of.errors.p[0, 1] < 0.05
     each = [run.summary["error_all_mm"][14] for run in sure["b"].runs]
     assert of.ranked[0].figure("error_all_mm@15").value == pytest.approx(np.mean(each))

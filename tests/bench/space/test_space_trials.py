@@ -5,9 +5,10 @@ import pytest
 
 from tactsim.bench.placement import certainty
 from tactsim.bench.space.surface_distance import Surface
-from tactsim.bench.space.touching import HALF_BOX, draw_pose_in_space, draw_starts, outside_of
+from tactsim.bench.space.touching import HALF_BOX, SolidPress, draw_pose_in_space, draw_starts, outside_of
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
+from tactsim.press.space import SpaceOptions
 
 
 def test_touches_start_before_anything_that_the_object_can_be_and_aim_into_the_box():
@@ -41,6 +42,20 @@ def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
     # The angle of an even rotation has the density (1 - cos a) / pi, of mean pi / 2 + 2 / pi.
     angle = rigid.angle_between(hidden[:, 3:], [1.0, 0, 0, 0])
     assert abs(angle.mean() - (np.pi / 2 + 2 / np.pi)) < 0.05
+
+
+def test_touches_of_a_trial_are_of_its_seed_its_object_and_its_number():
+    press = SolidPress(SpaceOptions(objects=("nut", "egg"), points=8))
+    touches, again = press.touches("nut", 0, 3), press.touches("nut", 0, 3)
+    starts = touches.offer(rigid.IDENTITY)
+    assert np.array_equal(again.offer(rigid.IDENTITY), starts)
+    first = touches.take(0, rigid.IDENTITY)
+    assert np.array_equal(again.take(0, rigid.IDENTITY).reading, first.reading)
+    for trial in (("nut", 0, 4), ("egg", 0, 3), ("nut", 1, 3)):
+        other = press.touches(*trial)
+        assert not np.isin(other.offer(rigid.IDENTITY), starts).any()
+        other._truth, other._starts = "nut", starts  # what disturbs the same touch is another draw, too
+        assert not np.array_equal(other.take(0, rigid.IDENTITY).reading, first.reading)
 
 
 def test_certainty_of_a_belief_that_is_a_line_of_shifts():

@@ -176,6 +176,8 @@ def test_the_paths_of_a_task_are_beside_its_file(own, tmp_path, monkeypatch):
     assert task(worlds).configs("nearest")[0].scan_options.sensor.noise == 7.0
     assert run_config(task="../two-v1.toml").scan_options.sensor.noise == 7.0
     assert task(own('letters = "IO"', 'world = "rough"')).configs("nearest")[0].world == "rough"
+    recording = own('letters = "IO"', 'scan = "recording:tekscan22-v1"')
+    assert str(task(recording).configs("nearest")[0].scan) == "recording:tekscan22-v1"
     shapes = task(own('letters = "IO"', 'shapes = ["a.stl", "b.svg"]'))
     assert shapes.configs("nearest")[0].shapes == (tmp_path / "a.stl", tmp_path / "b.svg")
     assert shapes.letters == (*"AEIOU", "a", "b")
