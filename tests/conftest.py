@@ -4,7 +4,6 @@ import gc
 import os
 import subprocess
 import sys
-import tempfile
 
 import pytest
 from command_line import Bench
@@ -18,10 +17,9 @@ from tactsim.core.cache_folder import cache_folder
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder() / "kernels"))
 
 # Some hundred processes import the same files. Where what Python compiled of them may not stay beside them, it is kept
-# elsewhere while the tests run, since otherwise each process compiles all of it again.
+# beside the kernels, since otherwise each process compiles all of it again.
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
-    _BYTECODE = tempfile.TemporaryDirectory(prefix="tactsim-bytecode-")
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = _BYTECODE.name
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = str(cache_folder() / "bytecode")
     sys.dont_write_bytecode = False
 
 # A busy machine fails no test.
