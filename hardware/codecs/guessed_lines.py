@@ -16,7 +16,7 @@ from tactsim.core.counters import Counters
 from tactsim.hardware.codecs.lines import LinesFormat, numbers_in, split_line
 from tactsim.hardware.framing import Framer
 
-_PRINTABLE = frozenset(b"\t\r\n\0\x1b" + bytes(range(0x20, 0x7F)))
+_BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
 _FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*) *[:=]")  # of a line, as `S0:12`
@@ -28,35 +28,32 @@ class GuessedLines:
 
     columns: fields in a frame. rows: lines in a frame, with a line of another kind between frames; 1 if every line is
     one.
-    before: what the first field is if it rises steadily, "clock", "index" where it rises by 1, or "skip" where it is
-    never a number; else "". decimal: the decimal point. odd: a field that is no number where others are, such as
-    "ovf"; "" if there is none. named: the names of lines that are parts of a frame, with nothing between two frames.
+    before: what the first fields are, one or two: "skip" for what is never a number, "clock" for one that rises
+    steadily, "index" where it rises by 1. tick_s: s, the clock's unit by its steps. decimal: the decimal point. odd: a
+    field that is no number where others are, such as "ovf"; "" if there is none. named: the names of lines that are
+    parts of a frame, with nothing between two frames.
     read: whether most of these lines are read by the device file.
     """
 
     columns: int
     rows: int
-    before: str
+    before: tuple[str, ...]
     decimal: str
     odd: str
+    tick_s: float = 1e-3
     named: tuple[str, ...] = ()
     read: bool = False
 
     def describe(self) -> str:
         """Say what the lines are."""
-        what = f"lines of {self.columns} numbers"
-        if self.columns == 1:
-            what = "lines of one number, one taxel, unless they are those of a frame: let it print a frame a line"
+        what = f"lines of {self.columns} numbers, a frame each; if they are parts of one, let it print a frame a line"
         if self.rows > 1:
             columns = self.columns // self.rows
             what = f"frames of {self.rows} lines with {columns} numbers, another line between frames"
-        befores = {
-            "clock": "; the first rises steadily: a clock",
-            "index": "; the first counts the lines",
-            "skip": "; the first is none and left out",
-        }
+        befores = {"clock": "a clock, as it rises steadily", "index": "the lines' count", "skip": "no number"}
+        before = "".join(f"; number {k} is {befores[name]}" for k, name in enumerate(self.before, 1))
         odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
-        return what + befores.get(self.before, "") + odd
+        return what + before + odd
 
     def refusal(self) -> str:
         """Say why no device file reads them, and what the device should print instead."""
@@ -72,7 +69,7 @@ class GuessedLines:
 
     def device_file(self) -> str:
         """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
-        taxels = self.columns - bool(self.before)
+        taxels = self.columns - len(self.before)
         side = math.isqrt(taxels)
         rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
         return "\n".join(
@@ -81,7 +78,8 @@ class GuessedLines:
                 "[codec]",
                 'kind = "csv"',
                 f"taxels = {taxels}",
-                *([f'before = ["{self.before}"]'] if self.before else []),
+                *([f"before = {list(self.before)}".replace("'", '"')] if self.before else []),
+                *([f"tick_s = {self.tick_s:g}"] if "clock" in self.before else []),
                 *(['delimiter = ";"', 'decimal = ","'] if self.decimal == "," else []),
                 "kpa_per_count = 1.0  # measure, this and what follows",
                 "[pad]",
@@ -100,7 +98,8 @@ class GuessedLines:
 
 def is_text(data: bytes) -> bool:
     """Tell whether bytes are printed text, and not frames of another kind or text at a wrong baud rate."""
-    return bool(data) and sum(byte in _PRINTABLE for byte in data) >= _LEAST_TEXT * len(data)
+    known = "".join(char for char in data.decode("utf-8", "ignore") if char.isprintable() or char in _BESIDE)
+    return bool(data) and len(known.encode()) >= _LEAST_TEXT * len(data)
 
 
 def guess_lines(data: bytes) -> GuessedLines | None:
@@ -111,6 +110,8 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     lines = [line.strip() for line in data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")[1:-1]]
     names = Counter(match[1].decode() for line in lines if (match := _FIRST_NAME.match(line)))
     named = tuple(sorted(name for name, count in names.items() if count > 1))
+    if any(line.startswith(b"[[") and not line.endswith(b"]]") for line in lines):
+        named = ("[[", "]]")  # as NumPy prints a picture
     guesses = []
     for decimal in (".", ","):
         fields = [split_line(line, decimal) if line.strip(b"\0 ") else [] for line in lines]
@@ -134,9 +135,12 @@ def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None
         return None
     (rows, columns), _ = shapes.most_common(1)[0]
     whole = _of_lines([row for frame in frames for row in frame], decimal)
-    if rows < 2 or whole is None or whole.columns != columns:
+    titled = any(
+        len(fields[at]) == columns > 1 and not any(numbers_in([word]) for word in fields[at]) for at in ends
+    )
+    if rows < 2 or whole is None or whole.columns != columns or whole.before or titled:
         return None
-    return GuessedLines(rows * columns, rows, "", decimal, whole.odd)
+    return GuessedLines(rows * columns, rows, (), decimal, whole.odd)
 
 
 def _parts_frames(fields: list[bytes]) -> bool:
@@ -150,14 +154,21 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     if not usual:
         return None
     columns, count = usual.most_common(1)[0]
-    alike = [row for row in fields if len(row) == columns]
+    alike = [row for row in fields if len(row) == columns and any(numbers_in([field]) for field in row)]
     known = np.array([[numbers_in([field]) is not None for field in row] for row in alike])
     if 2 * count < sum(usual.values()) or 2 * known.sum() <= known.size:
         return None
     skipped = columns > 1 and not known[:, 0].any() and not any(row[0].lower() in _NO_VALUE for row in alike)
     odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
-    first = np.array([(numbers_in(row[:1]) or [np.nan])[0] for row in alike])
-    steps = np.diff(first)
-    rises = columns > 1 and len(steps) > 2 and (steps > 0).all() and steps.max() < 3 * steps.min()
-    before = "skip" if skipped else "" if not rises else "index" if (steps == 1).all() else "clock"
-    return GuessedLines(columns, 1, before, decimal, odd.decode("ascii", "replace"))
+    before, tick_s = ["skip"] if skipped else [], 1e-3
+    while len(before) < min(columns - 1, 2):
+        steps = np.diff([(numbers_in(row[len(before) :][:1]) or [np.nan])[0] for row in alike])
+        if len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():
+            break
+        kind = "index" if (steps == 1).all() else "clock"
+        if kind in before:
+            break
+        before.append(kind)
+        if kind == "clock":
+            tick_s = 1.0 if steps.max() < 1 else 1e-3 if steps.max() < 1000 else 1e-6
+    return GuessedLines(columns, 1, tuple(before), decimal, odd.decode("utf-8", "replace"), tick_s)

@@ -197,9 +197,9 @@ class Polling(Dialogue):
             data = bytes([self._format.accumulator or 0])
             return write_request(Question(address, self._id, ACCUMULATOR_REGISTER, len(data), data))
         if address not in self._right:
-            return read_request(Question(address, self._id, ACCUMULATOR_REGISTER, SETTINGS))
+            return write_request(Question(address, self._id, ACCUMULATOR_REGISTER, SETTINGS))
         register, count = self._reads[step]
-        return read_request(Question(address, self._id, register, count))
+        return write_request(Question(address, self._id, register, count))
 
     def sent(self, request: bytes, now: float) -> None:
         """Note what was asked."""
@@ -290,28 +290,19 @@ class Polling(Dialogue):
         return Frame(values, replies[0].address, index=first, ticks=replies[0].ticks, asked=have[0][1])
 
 
-def read_request(question: Question) -> bytes:
-    """Write the request to read registers."""
-    return _request(question, READ)
-
-
 def write_request(question: Question) -> bytes:
-    """Write the request to set registers to the question's data."""
-    return _request(question, WRITE)
-
-
-def _request(question: Question, command: int) -> bytes:
+    """Write the request to read registers, or to set them to the question's data."""
+    command = WRITE if question.data else READ
     head = bytes([question.address, 100, question.id, command, question.register, question.count])
     return b"".join((HEADERS[0], head, question.data, b"\xff", FOOTER))
 
 
 def parse_request(request: bytes) -> Question:
-    """Read a request that `read_request` or `write_request` wrote. Raises CodecError for any other bytes."""
+    """Read a request that `write_request` wrote. Raises CodecError for any other bytes."""
     if len(request) >= 15:
-        address, _, number, command, register, count = request[4:10]
+        address, _, number, _, register, count = request[4:10]
         question = Question(address, number, register, count, request[10:-5])
-        known = command == (WRITE if question.data else READ) and len(question.data) in (0, count)
-        if known and request == _request(question, command):
+        if len(question.data) in (0, count) and request == write_request(question):
             return question
     raise CodecError(f"{request[:32].hex(' ')} is no request to read or set a SingleTact")
 

@@ -12,8 +12,8 @@ from tactsim.hardware.codecs.singletact import (
     Reply,
     SingleTactFormat,
     parse_request,
-    read_request,
     write_reply,
+    write_request,
 )
 from tactsim.hardware.stream import Stream
 
@@ -45,7 +45,7 @@ def reply_to(request, index, outputs, ticks=0, number=None, elements=0, accumula
 
 def test_a_request_is_what_the_makers_driver_sends():
     # NETInterface, SerialCommand.GenerateReadCommand(4, 7, 128, 6)
-    assert read_request(Question(4, 7, 128, 6)) == bytes.fromhex("FFFFFFFF 04 64 07 01 80 06 FF FEFEFEFE")
+    assert write_request(Question(4, 7, 128, 6)) == bytes.fromhex("FFFFFFFF 04 64 07 01 80 06 FF FEFEFEFE")
 
 
 @pytest.mark.parametrize("header", ["FFFFFFFF", "AAAAAAAA"])
