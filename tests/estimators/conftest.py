@@ -5,16 +5,17 @@ import pytest
 from synthetic import make_scan
 
 from tactsim.core import Scan
-from tactsim.estimators.filters import refined
+from tactsim.estimators.filters import refined, trust_learning
 from tactsim.estimators.options import LikelihoodOptions
 from tactsim.press import ScanOptions, scan_letters
 
 
 @pytest.fixture(scope="session", autouse=True)
 def weights_are_learned_once():
-    """Learn how much a sequence counts once from equal models and readings: it takes most of a fit.
+    """Learn how much a sequence counts once from equal models and readings, by fewer moves: it takes most of a fit.
 
-    It follows from them alone, however a filter is made besides. test_trust_learning.py asks for it anew each time.
+    It follows from them alone, however a filter is made besides. test_trust_learning.py asks for it anew each time,
+    and by all moves.
     """
     learn, known = refined.learn_trust, {}
 
@@ -23,7 +24,9 @@ def weights_are_learned_once():
         options = likelihood.options.model_dump(include=set(LikelihoodOptions.model_fields))
         key = sha256(pickle.dumps((type(likelihood), learned, options, scan.digest))).digest()
         if key not in known:
-            known[key] = learn(likelihood, scan)
+            with pytest.MonkeyPatch.context() as fewer:
+                fewer.setattr(trust_learning, "_MOVES", 1024)
+                known[key] = learn(likelihood, scan)
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -163,10 +163,9 @@ def test_a_moving_object_is_not_taken_for_an_unknown_one(small):
     assert said[1] < 0.5
 
 
-def test_the_path_of_an_object_is_where_it_was_at_each_touch(small):
-    readings, poses, true = sequence(small, "E", 12, Slip(walk_mm=0.7, walk_rad=0.03), seed=2)
-    estimator = create("refined", motion="0.7,0.03")
-    estimator.fit(small)
+def test_the_path_of_an_object_is_where_it_was_at_each_touch(two):
+    readings, poses, true = sequence(two, "E", 12, Slip(walk_mm=0.7, walk_rad=0.03), seed=2)
+    estimator = fitted("refined", two, **MAP_FILTERS["refined"], motion="0.7,0.03")
     last = follow(estimator, readings, poses)[-1]
     path = estimator.path(last)
     assert path.shape == (12, 3)

@@ -42,7 +42,7 @@ def hook(side):
 
 
 @cache
-def charted(solid, cell=0.8, reach=34.0):
+def charted(solid, cell, reach=34.0):
     """Sample a solid's signed distances: voxels, and its surface."""
     axis = np.arange(-reach, reach + cell, cell)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
@@ -54,8 +54,8 @@ def charted(solid, cell=0.8, reach=34.0):
 class ToyField:
     """log p of a touch: how far what is touched is from the surface, and what the pad passed is within; both normal."""
 
-    def __init__(self, solids, width=1.5):
-        charts = {label: charted(solid) for label, solid in solids.items()}
+    def __init__(self, solids, width=1.5, cell=0.8):
+        charts = {label: charted(solid, cell) for label, solid in solids.items()}
         self.maps = {label: voxels for label, (voxels, _) in charts.items()}
         self.surfaces = [surface for _, surface in charts.values()]
         self.labels, self.width = tuple(solids), width
@@ -200,7 +200,7 @@ def test_several_pads_at_once_say_what_they_say_one_after_another():
 
 
 def test_objects_with_equal_maps_share_their_probability():
-    field = ToyField({"one": hook(1), "ball": toy.SOLIDS["ball"], "two": hook(1)}, 0.5)
+    field = ToyField({"one": hook(1), "ball": toy.SOLIDS["ball"], "two": hook(1)}, 0.5, cell=1.6)
     estimator = with_field(field, **QUICK)
     _, readings, sensors = hidden(hook(1), 3, 3)
     estimate = after(estimator, readings, sensors)
