@@ -24,8 +24,14 @@ def drawn():
     """Have the pictures of runs drawn, for a test that looks at them."""
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Draw no pictures."""
+    draw_nothing(monkeypatch)
+
+
 @pytest.fixture(autouse=True)
-def undrawn(request, monkeypatch):
+def undrawn_here(request, monkeypatch):
     """Draw no pictures where the command line is called in this process, unless a test asks for them."""
     if "here" in request.fixturenames and "drawn" not in request.fixturenames:
         draw_nothing(monkeypatch)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from made_up import make_run
 from matplotlib.figure import Figure
-from small_runs import draw_nothing
 from test_trials import Blind
 
 import tactsim
@@ -87,8 +86,7 @@ def test_curves_are_drawn_on_axes_of_the_users_own(run):
 
 
 @pytest.mark.long
-def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path, monkeypatch):
-    draw_nothing(monkeypatch)
+def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path, undrawn):
     file = tmp_path / "two.toml"
     file.write_text(
         '[[run]]\nestimator = ["nearest", "histogram"]\nletters = "AE"\ntrials = 1\nreadings = 3\n'
@@ -117,7 +115,7 @@ def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):
         run.save(folder)
 
 
-def test_a_report_does_a_trial_again_from_readings_that_can_be_had_again(run, scan, tmp_path):
+def test_a_report_does_a_trial_again_from_readings_that_can_be_had_again(run, scan, tmp_path, undrawn):
     page = tactsim.Run.load(run.save(tmp_path / "run")).report(tmp_path / "page.html")
     rows = (tmp_path / "page-recognition.csv").read_text().splitlines()
     assert len(rows) > 8
@@ -127,7 +125,7 @@ def test_a_report_does_a_trial_again_from_readings_that_can_be_had_again(run, sc
     assert "its readings were given in Python" in page.read_text()
 
 
-def test_an_estimator_of_ones_own_is_tried(scan, tmp_path):
+def test_an_estimator_of_ones_own_is_tried(scan, tmp_path, undrawn):
     run = tactsim.run(scan, estimator=Even(Options()), trials=2, readings=3)
     assert run.accuracy.tolist() == [0.5, 0.5, 0.5]
     assert run.estimator == "test_api:Even"

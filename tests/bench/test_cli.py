@@ -20,11 +20,11 @@ from tactsim.bench.experiment import perform
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 
-SMALL = ["--trials", "1", "--readings", "4", "--bins", "1000"]
+SMALL = ["--estimator", "histogram", "--trials", "1", "--readings", "4", "--bins", "1000"]
 
 
 def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
-    result = bench("run", "--estimator", "histogram", *SMALL, "--letters", "AE", "--verbose", "--out", "here")
+    result = bench("run", *SMALL, "--letters", "AE", "--verbose", "--out", "here")
     assert result.returncode == 0, result.stderr
     shown = results.load(tmp_path / "here")
     assert f"right after 4 readings: {shown.accuracy[3]:.2f} (95 % interval " in result.stdout
@@ -36,9 +36,9 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
 
 
 def test_beside_a_run_in_other_poses_it_is_said_that_the_papers_were_its_trainings(here):
-    said = here("run", "--estimator", "histogram", *SMALL, "--out", "off").stdout
+    said = here("run", *SMALL, "--out", "off").stdout
     assert "the paper, on a real pad and in its training's poses: 100 % from" in " ".join(said.split())
-    alone = here("run", "--estimator", "histogram", *SMALL, "--letters", "AE", "--out", "two").stdout
+    alone = here("run", *SMALL, "--letters", "AE", "--out", "two").stdout
     assert "the paper" not in alone
 
 
@@ -47,7 +47,7 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
         '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="5mm" viewBox="0 0 20 5"><path d="M0 0H20V5H0Z"/>'
         "</svg>"
     )
-    words = ["--estimator", "histogram", *SMALL, "--letters", "E", "--shape", "bar.svg", "--out", "own"]
+    words = [*SMALL, "--letters", "E", "--shape", "bar.svg", "--out", "own"]
     ran = here("run", *words)
     assert "bar as read: 20.0 x 5.0 mm, 100 mm^2, 1 outline" in ran.stderr.splitlines()
     assert "bar: " in ran.stdout
@@ -113,7 +113,18 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
 
 def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
     words = ["--letters", "AEO", "--hold-out", "O", "--estimator", "refined", "--bins", "600"]
-    words += ["--set", "unknown=0.2", "--trials", "2", "--readings", "8", "--out", "here"]
+    words += [
+        "--set",
+        "unknown=0.2",
+        "--set",
+        "cell=0.8",
+        "--trials",
+        "2",
+        "--readings",
+        "8",
+        "--out",
+        "here",
+    ]
     run = here("run", *words, "--json")
     answer = json.loads(run.stdout)
     assert answer["hold_out"] == ["O"]
@@ -134,7 +145,7 @@ def test_a_chosen_order_marks_the_protocol_and_is_timed(here):
 def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     here("scan", "--letters", "IO", "--out", "known.npz")
     here("scan", "--letters", "O", "--seed", "3", "--out", "tested.npz")
-    words = ["--train-scan", "known.npz", "--scan", "tested.npz", *SMALL, "--estimator", "histogram"]
+    words = ["--train-scan", "known.npz", "--scan", "tested.npz", *SMALL]
     assert "O (among I O): 1 trial each" in here("run", *words, "--out", "few").stdout
     answer = json.loads(here("run", *words, "--trials", "2", "--json").stdout)
     assert answer["letters"] == ["O"]

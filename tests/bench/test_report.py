@@ -264,7 +264,7 @@ def seeds(tmp_path_factory):
     ]
 
 
-def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tmp_path):
+def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tmp_path, undrawn):
     write_report(seeds, tmp_path / "pooled.html")
     (protocol,) = data_of(tmp_path / "pooled.html")["protocols"]
     (task,) = protocol["tasks"]
@@ -317,7 +317,7 @@ def test_a_sweeps_runs_come_in_its_own_order(runs, copied, tmp_path):
     assert remarks == []
 
 
-def test_a_sweep_that_has_not_ended_is_said(runs, copied, tmp_path):
+def test_a_sweep_that_has_not_ended_is_said(runs, copied, tmp_path, undrawn):
     place = sweep_folder(tmp_path, copied, {"a": runs.small}, ["b", "a"])
     written, remarks = write_report([place], place / "report.html")
     assert remarks == [f"{place} has not ended: 1 of its 2 runs are there"]
@@ -384,7 +384,7 @@ def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed
     assert settled[row] == np.sort(settled)[(n - 1) // 2]
 
 
-def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, copied, tmp_path):
+def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, copied, tmp_path, undrawn):
     folder = copied(hostile_run)
     content = json.loads((folder / "run.json").read_text())
     content["config"]["scan"] = str(tmp_path / "gone.npz")
@@ -395,7 +395,7 @@ def test_a_report_without_its_readings_says_so_and_shows_the_rest(hostile_run, c
 
 
 @pytest.mark.long
-def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path):
+def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path, undrawn):
     words = {"letters": ["A", "E", "U"], "estimator": "refined", "trials": 1, "readings": 10}
     known, unknown = tactsim.run(**words), tactsim.run(**words, hold_out=["A", "E"])
     assert known.badly_explained is None

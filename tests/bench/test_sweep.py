@@ -122,16 +122,14 @@ def test_a_sweep_gives_what_single_runs_give(here, tmp_path):
 
 
 @pytest.mark.long
-def test_a_sweep_goes_on_with_the_runs_that_are_missing(tmp_path, whole):
+def test_a_sweep_goes_on_with_the_runs_that_are_missing(tmp_path, whole, undrawn):
     shutil.copytree(whole, tmp_path / "out")
     runs = tmp_path / "out" / "runs"
     kept, missing, *_ = sorted(path.name for path in runs.iterdir())
     written = (runs / kept / "times.json").read_bytes()
     (runs / missing).rename(runs / ".half-written.part")
     _, configs = sweep.read(str(whole.parent / "s.toml"))
-    with pytest.MonkeyPatch.context() as patch:
-        draw_nothing(patch)
-        sweep.perform(configs, tmp_path / "out", jobs=2, progress=silent)
+    sweep.perform(configs, tmp_path / "out", jobs=2, progress=silent)
     assert contents(tmp_path / "out") == contents(whole)
     assert (runs / kept / "times.json").read_bytes() == written
     assert not list(runs.glob(".*"))
@@ -235,9 +233,8 @@ class OfOneThread(Blind):
 
 
 @pytest.mark.long
-def test_each_thread_of_a_dask_worker_has_an_estimator_of_its_own(monkeypatch, tmp_path):
+def test_each_thread_of_a_dask_worker_has_an_estimator_of_its_own(monkeypatch, tmp_path, undrawn):
     monkeypatch.setitem(registry.BUILT_IN, "of-one-thread", ("test_sweep:OfOneThread", "for tests"))
-    draw_nothing(monkeypatch)
     run = {"estimator": "of-one-thread", "letters": "IO", "trials": 100, "readings": 3}
     with pytest.importorskip("distributed").LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, protocol="tcp", dashboard_address=None

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 from pages import BLOCKS, SHELL, bench, commands
+from small_runs import draw_nothing
 
 from tactsim.bench.cli.app import app
 
@@ -77,7 +78,7 @@ def test_a_pages_blocks_run(page, done, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.setenv("COLUMNS", "300")
     monkeypatch.setattr("tactsim.press.scan_poses.ANGLES", 4)
-    monkeypatch.setattr("tactsim.bench.runs.figures.Picture.png", lambda picture, dpi=150: b"")
+    draw_nothing(monkeypatch)
     for name, text in OWN.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")

@@ -14,5 +14,6 @@ def make_run_in(folder, **words):
 
 
 def draw_nothing(patch):
-    """Let every picture of a run be an empty file, for tests that look at none."""
+    """Let every picture of a run and of a report be an empty file, for tests that look at none."""
     patch.setattr("tactsim.bench.runs.figures.Picture.png", lambda picture, dpi=150: b"")
+    patch.setattr("tactsim.bench.report.picture.as_bytes", lambda picture, kind, dpi: b"")
