@@ -31,6 +31,7 @@ from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
 
+_LABEL = re.compile(r'(?:^[#\s]*|[,;\t]\s*)"?label"?\s*(?:[,;\t]|$)')  # a cell of the title
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 
 
@@ -254,9 +255,15 @@ def read_intervals(path: str | Path) -> list[Interval]:
 def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
     """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError.
 
-    A spreadsheet may have saved it with a byte order mark, semicolons or tabs, and decimal commas.
+    A spreadsheet may have saved it with a byte order mark, semicolons or tabs, and decimal commas. Lines above the one
+    with the name `label` are left out, and lines that begin with #.
     """
     lines = text.removeprefix("\ufeff").splitlines()
+    above = next((at for at, line in enumerate(lines) if _LABEL.search(line)), 0)
+    lines = [
+        line.lstrip("# ") if at == 0 else "" if line.startswith("#") else line
+        for at, line in enumerate(lines[above:])
+    ]
     separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
     rows: list[tuple[str, dict[str, str]]] = []
     try:
@@ -266,7 +273,7 @@ def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]
             if titles.count(title) > 1:
                 raise InputError(f"{path}: two columns are called {title!r}")
         for row in reader:
-            where = f"{path}, line {reader.line_num}"
+            where = f"{path}, line {above + reader.line_num}"
             if any(word.strip() for word in row.pop(None, ())):
                 raise InputError(f"{where}: it has more columns than the title {short(lines[0])}")
             words = {name.strip(): word.strip() for name, word in row.items() if word is not None}

@@ -38,6 +38,8 @@ def test_a_table_is_the_scan_of_the_same_arrays(read):
 def test_what_a_spreadsheet_saved_again_is_the_same(read):
     saved = [line.replace(",", ";").replace(".", ",").replace("A;", '"A";') for line in ROWS]
     assert read("\ufeff" + TITLE.replace(",", ";"), *saved).digest == WANTED.digest
+    assert read("\ufeffsep=;", TITLE.replace(",", ";"), *saved).digest == WANTED.digest
+    assert read("# each label is an object", f"# {TITLE}", "# in mm", *ROWS).digest == WANTED.digest
 
 
 def test_tabs_and_a_separator_behind_the_last_cell_are_read(read):
