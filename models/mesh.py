@@ -196,11 +196,12 @@ def _text(content: bytes) -> str:
 
 
 def _whole_stl(content: bytes) -> bytes:
-    """Cut off what follows a binary STL's facets; give a text STL plain ends of lines and no names."""
+    """Cut off what follows a binary STL's facets; give a text STL plain ends of lines, no names and no normals."""
     faces = _binary_stl_faces(content)
     if faces is not None:
         return content[: 84 + 50 * faces]
-    return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", _text(content)).encode()
+    text = re.sub(r"(?im)^(\s*facet)\b.*$", r"\1 normal 0 0 0", _text(content))
+    return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", text).encode()
 
 
 def _one_model(content: bytes) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -106,19 +107,27 @@ Hand = Annotated[
 
 
 def idle_frames(path: Path | None) -> Any:
-    """Read idle readings (n, taxels) from a table of text or a .npy file. Raises InputError if it is neither."""
+    """Read idle readings (n, taxels) from a table of text, perhaps with a title, or a .npy file.
+
+    Raises InputError if it is neither.
+    """
     if path is None:
         return None
     import numpy as np
 
     try:
         if path.suffix.lower() == ".npy":
-            return np.load(path, allow_pickle=False)
-        text = path.read_text(encoding="utf-8-sig")
-        return np.loadtxt(
-            text.replace(";", ",").splitlines(), delimiter="," if set(",;") & set(text) else None
-        )
-    except (OSError, ValueError) as error:
+            frames = np.load(path, allow_pickle=False).astype(float)
+            return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
+        text = path.read_text(encoding="utf-8-sig").strip()
+        separator = next((mark for mark in ";\t," if mark in text), None)
+        lines = (text if separator == "," else text.replace(",", ".")).splitlines()
+        title = 1 if re.match(r"\W*[A-Za-z_]\w*", text) and not text.startswith("#") else 0
+        rows = [line.rstrip().removesuffix(separator or " ") for line in lines[title:]]
+        if not rows:
+            raise ValueError("it holds no row of numbers")
+        return np.loadtxt(rows, delimiter=separator)
+    except (OSError, ValueError, EOFError) as error:
         raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error
 
 

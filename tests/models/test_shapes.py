@@ -87,6 +87,14 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
     assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
 
 
+def test_normals_that_are_no_numbers_do_no_harm(tmp_path, caplog):
+    path = tmp_path / "thing.stl"
+    text = box(20, 10, 3).export(file_type="stl_ascii")
+    path.write_text(re.sub("facet normal .*", "facet normal -nan(ind) 1.#QNAN 0", text))
+    assert models.shape(path).area == pytest.approx(200)
+    assert not caplog.records
+
+
 def test_corners_that_rounding_moved_apart_are_one(tmp_path):
     mesh = trimesh.creation.cylinder(8, 4, sections=100)
     corners = mesh.triangles + np.random.default_rng(0).uniform(-2e-4, 2e-4, mesh.triangles.shape)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from command_line import refused
 
+from tactsim.bench.cli.shared_options import idle_frames
 from tactsim.bench.formats.csv_file import read_press_table
 from tactsim.core import InputError, Pad, Scan
 
@@ -104,3 +105,11 @@ def test_a_table_is_imported_from_the_command_line(tmp_path, here):
     assert Scan.load(tmp_path / "scan.npz").digest == WANTED.digest
     assert "were not zeroed; --zero N sets it" in done.stdout
     refused(here("run", "--scan", "lab.csv"), "not a whole .npz file", "`bench import`")
+
+
+@pytest.mark.parametrize(
+    "text", ["0.5,1\n0.5,1\n", "0,5;1\n", "0,5\t1\n", "t0,t1\n0.5,1,\n", "# idle\n0.5 1\n"]
+)
+def test_idle_readings_are_read_from_any_table(tmp_path, text):
+    (tmp_path / "idle.csv").write_text(text)
+    assert np.atleast_2d(idle_frames(tmp_path / "idle.csv"))[-1].tolist() == [0.5, 1]
