@@ -53,7 +53,7 @@ docs: $(DOCS)    ## build the documentation as a site, docs/_build/html/index.ht
 	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d docs/_build/doctrees docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-$(DOCS): $(DOCS_LOCK) | $(READY)
+$(DOCS): $(DOCS_LOCK) | $(DEVELOP)
 	@echo "setting up $(VENV): fetching what builds the documentation ..."
 	@$(INSTALL) -r $<
 	@touch $@

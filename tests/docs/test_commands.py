@@ -1,6 +1,7 @@
 """What the pages say to type is understood: every `bench` line, every `make` target."""
 
 import re
+import subprocess
 
 import pytest
 from pages import BLOCKS, ROOT, SHELL, bench, commands, only
@@ -37,3 +38,10 @@ def test_a_make_target_exists(arguments):
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
     for word in arguments:
         assert "=" in word or word in targets
+
+
+def test_the_site_can_be_built_in_a_fresh_clone(tmp_path):
+    """The tutorials import what only the extras bring."""
+    words = ["make", "--dry-run", "docs", f"VENV={tmp_path}"]
+    steps = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert 0 < steps.find("-r requirements-dev.lock") < steps.find("sphinx-build")
