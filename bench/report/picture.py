@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,8 +39,8 @@ _TYPE: dict[Any, Any] = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
-# Of the axes of `pareto_figure`, about what a letter of a note is wide, and a line high.
-_LETTER, _LINE = 0.016, 0.045
+# Of the axes of `pareto_figure`, about what a digit of a note is wide, a line high, and half a mark in both.
+_LETTER, _LINE, _MARK = 0.0225, 0.048, (0.012, 0.014)
 
 # The same for a dark ground.
 DARK_COLOURS = (
@@ -103,9 +104,9 @@ def pareto_figure(group: Group) -> Figure:
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
-    _write(left, left_notes)
-    _write(right, right_notes)
-    _legend(figure, left)
+    _write(left, left_notes, [(1e3 * p.seconds, p.error) for p in found if p.error is not None])
+    _write(right, right_notes, [(1e3 * p.seconds, p.settled or late) for p in found])
+    _legend(figure, left.lines)
     _caption(
         figure,
         group,
@@ -141,9 +142,10 @@ def readings_figure(group: Group) -> Figure:
                 axes.plot(seen, curve, **style)
             printed = paper.in_figure(entry.run)
             if printed is not None and printed.readings <= entry.readings:
+                fill, edge = (style["color"], "black") if rank == 0 else ("white", style["color"])
                 left.plot(
-                    printed.readings, printed.share, marker="*", ms=13, mec="black", ls="none", clip_on=False, zorder=5,
-                    color=style["color"], label=f"the paper, {printed.amount:,} {printed.option}",
+                    printed.readings, printed.share, marker="*", ms=13, mfc=fill, mec=edge, ls="none", clip_on=False,
+                    zorder=5, label=f"the paper, {printed.amount:,} {printed.option}",
                 )  # fmt: skip
             if printed is not None and printed.error is not None:
                 label = f"the paper: {printed.error:g} mm ({printed.amount:,} {printed.option})"
@@ -154,8 +156,6 @@ def readings_figure(group: Group) -> Figure:
         noted += right.plot(
             np.arange(1, len(bound) + 1), bound, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound"
         )
-    if noted:
-        right.legend(handles=noted, framealpha=0.9, edgecolor="none", fontsize=7)
     left.set(ylim=(0, 1.02), ylabel="share of trials right")
     right.set(yscale="log", ylim=(least, most), ylabel="placement error, mm")
     plain_log(right.yaxis)
@@ -164,7 +164,7 @@ def readings_figure(group: Group) -> Figure:
         axes.set(xlim=(1, max(2, *(entry.readings for entry in group.entries))), xlabel="readings seen")
         axes.grid(which="major", lw=0.4, alpha=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-    _legend(figure, left)
+    _legend(figure, [*left.lines, *noted])  # above: within the plot it would hide a curve
     _caption(
         figure,
         group,
@@ -173,9 +173,9 @@ def readings_figure(group: Group) -> Figure:
     return figure
 
 
-def _legend(figure: Figure, axes: Axes) -> None:
+def _legend(figure: Figure, lines: Sequence[Line2D]) -> None:
     # Matplotlib leaves out what begins with an underscore, as a method of `__main__` does.
-    named = [(line, str(line.get_label())) for line in axes.lines]
+    named = [(line, str(line.get_label())) for line in lines]
     handles = [line for line, label in named if not label.startswith("_child")]
     labels = [
         (" " if label.startswith("_") else "")
@@ -225,9 +225,10 @@ class _Note:
     first: bool
 
 
-def _write(axes: Axes, notes: list[_Note]) -> None:
+def _write(axes: Axes, notes: list[_Note], marks: list[tuple[float, float]]) -> None:
     """Write budgets beside their marks, right or left, above or below; where there is no room, leave them out."""
-    taken: list[tuple[float, float, float, float]] = []
+    shares = axes.transLimits.transform(axes.transScale.transform(marks))
+    taken = [tuple(box) for box in np.hstack([shares - _MARK, shares + _MARK])]  # left, low, right, high
     for note in sorted(notes, key=lambda note: not note.first):
         budget = note.point.entry.budget
         if not budget:
@@ -245,5 +246,6 @@ def _write(axes: Axes, notes: list[_Note]) -> None:
                 axes.annotate(
                     budget.text, place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=7,
                     color=note.colour, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top",
+                    bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.3},
                 )  # fmt: skip
                 break

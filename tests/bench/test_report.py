@@ -2,6 +2,7 @@
 
 import base64
 import csv
+import itertools
 import json
 import math
 import re
@@ -27,7 +28,7 @@ from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
 from tactsim.bench.report.page import page
 from tactsim.bench.report.pareto import frontier, points
-from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, readings_figure
+from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, pareto_figure, readings_figure
 from tactsim.bench.report.write import write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
 from tactsim.bench.runs.pooled import collect, figure_of, pool
@@ -290,6 +291,35 @@ def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol():
     other = {"letters": ["A"], "protocol": "test poses random", "budget": {"option": "bins", "value": 7}}
     for name, value in other.items():
         assert in_figure(replace(run, about=run.about | {name: value})) is None
+
+
+def with_budgets(slowness):
+    """Make up runs of one method: of each budget, how many times as slow and, a little, how much nearer it is."""
+    for amount, times in slowness.items():
+        run = make_run(r=60)
+        run.about.update(letters=list("AEIOU"), budget={"option": "bins", "value": amount})
+        slower = {name: getattr(run.trials, name) * times for name in ("update_s", "estimate_s", "propose_s")}
+        nearer = run.trials.true_pose + (run.trials.pose - run.trials.true_pose) * (1 - times / 1000)
+        yield Path(str(amount)), replace(run, trials=replace(run.trials, pose=nearer, **slower))
+
+
+def test_the_papers_figures_look_different_and_their_legend_lies_on_no_curve():
+    (group,) = collect(list(with_budgets({1_000: 1, 10_000: 2})))
+    figure = readings_figure(group)
+    stars = [line.get_markerfacecolor() for line in figure.axes[0].lines if line.get_marker() == "*"]
+    assert len(stars) == len(set(stars)) == 2
+    assert "the paper: 1.3 mm (10,000 bins)" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert figure.axes[1].get_legend() is None
+
+
+def test_budgets_beside_crowded_marks_do_not_overlap():
+    (group,) = collect(list(with_budgets({300: 1, 5_000: 1.35, 30_000: 4, 100_000: 4.5, 500_000: 100})))
+    figure = pareto_figure(group)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert figure.axes[0].texts
 
 
 def test_a_method_that_copies_a_pose_collapses_no_axis_and_is_noted(tmp_path):

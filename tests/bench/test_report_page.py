@@ -104,6 +104,8 @@ def test_curves_can_be_hidden_and_read_by_keyboard(open_page, path):
     first = page.locator("section.protocol").first
     lines = first.locator("figure.chart").filter(has_text="Share of trials right").locator("path.line")
     assert lines.count() == 2
+    stated = first.locator("figure.chart").filter(has_text="Share right against the probability stated")
+    assert stated.locator("path.line").count() == 2  # one for each run, not for each method
     box = first.get_by_role("checkbox", name="histogram, 100 bins")
     box.press("Space")
     assert lines.count() == 1

@@ -111,8 +111,8 @@ function bandPath(low, high, sx, sy) {
 }
 
 // A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
-// {method, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. stars: {method, x, y, words}
-// of others' figures, levels: {y, text}, lines across. onReading(k) is called when the pointer asks for a reading.
+// {method, run, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. stars: {method, run, x,
+// y, words} of others' figures, shown with their run, levels: {y, text}, lines across. onReading(k) is called when the pointer asks for a reading.
 function curves(spec, onReading) {
   const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
@@ -142,8 +142,8 @@ function curves(spec, onReading) {
       inside.append(s("path", { class: "level", d: `M${sx(1)} ${sy(level.y)}H${sx(last)}` }),
         s("text", { class: "note", x: sx(last), y: sy(level.y) - 5, "text-anchor": "end" }, level.text));
     }
-    const methods = new Set(shown.map((one) => one.method));
-    for (const star of (spec.stars || []).filter((one) => methods.has(one.method))) {
+    const runs = new Set(shown.map((one) => one.run));
+    for (const star of (spec.stars || []).filter((one) => runs.has(one.run))) {
       inside.append(s("path", { class: `star m${star.method % COLOURS}`, d: STAR, transform: `translate(${sx(star.x)} ${sy(star.y)})` },
         s("title", {}, `the paper: ${star.words}`)));
     }
@@ -213,22 +213,22 @@ function marks(spec, points, ratio, heights, draw) {
   return box;
 }
 
-// What was stated against what came true, both 0 to 1. `spec`: title, alt, points of {method, p, right, count, text}.
+// What was stated against what came true, both 0 to 1. `spec`: title, alt, points of {run, p, right, count, text}.
 function reliability(spec) {
-  const points = [...spec.points].sort((a, b) => a.method - b.method || a.p - b.p);
+  const points = spec.points;
   const most = Math.max(1, ...points.map((point) => point.count));
   const share = (name) => ({ kind: "linear", low: 0, high: 1, name });
   return marks(spec, points, 0.62, [210, 340], (svg, width, height, chosen, choose) => {
     const { inside, sx, sy } = frame(svg, width, height, share("probability stated"), share());
     inside.append(s("path", { class: "ideal", d: `M${sx(0)} ${sy(0)}L${sx(1)} ${sy(1)}` }));
-    for (const method of new Set(points.map((point) => point.method))) {
-      const mine = points.filter((point) => point.method === method);
-      inside.append(s("path", { class: `line thin m${method % COLOURS}`, d: "M" + mine.map((point) => `${sx(point.p)} ${sy(point.right)}`).join("L") }));
+    for (const run of new Set(points.map((point) => point.run))) {
+      const mine = points.filter((point) => point.run === run);
+      inside.append(s("path", { class: `line thin m${run.method % COLOURS}`, "stroke-dasharray": run.dash, d: "M" + mine.map((point) => `${sx(point.p)} ${sy(point.right)}`).join("L") }));
     }
     points.forEach((point, i) => {
       inside.append(s("path", {
-        class: `mark m${point.method % COLOURS}${i === chosen ? " chosen" : ""}`, pointerenter: () => choose(i),
-        d: mark(point.method, 3 + 5 * Math.sqrt(point.count / most)), transform: `translate(${sx(point.p)} ${sy(point.right)})`,
+        class: `mark m${point.run.method % COLOURS}${i === chosen ? " chosen" : ""}`, pointerenter: () => choose(i),
+        d: mark(point.run.method, 3 + 5 * Math.sqrt(point.count / most)), transform: `translate(${sx(point.p)} ${sy(point.right)})`,
       }));
     });
   });

@@ -27,7 +27,7 @@ function readingsSection(task) {
   const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
   const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
   const [low, high] = task.errorAxis;
-  const stars = task.printed.map((one) => ({ ...one, method: task.runs[one.run].method, x: one.readings, y: one.share }));
+  const stars = task.printed.map((one) => ({ ...one, run: task.runs[one.run], method: task.runs[one.run].method, x: one.readings, y: one.share }));
 
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
@@ -118,7 +118,7 @@ function certaintySection(task) {
   const right = reliability({
     title: "Share right against the probability stated", alt: "Reliability diagram of the letter's probability.",
     points: task.runs.flatMap((run) => run.reliability.map((bin) => ({
-      ...bin, method: run.method,
+      ...bin, run,
       text: `${run.label}: ${bin.count} estimates stated with ${fixed(bin.p, 3)} on average, of which ${fixed(bin.right, 3)} are right`,
     }))),
   });
