@@ -26,6 +26,10 @@ MOST_FACES = 500_000
 MOST_BODIES = 2000  # uniting them takes a second or two
 MOST_UNPACKED = 256 << 20  # bytes in a .3mf
 LEAST_THICKNESS = 0.02  # mm
+# Parts of a slicer's projects that are no part of the solid.
+_NO_SOLID = re.compile(
+    rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?([Bb]lock|[Ee]nforc)er)\b"
+)
 GAP = 1e-3  # mm between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
@@ -212,6 +216,9 @@ def _one_model(content: bytes) -> bytes:
             raise InputError(
                 f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh"
             )
+        for name in archive.namelist():
+            if name.endswith(".config") and (part := _NO_SOLID.search(archive.read(name))):
+                raise InputError(f"it holds a {part[0].decode()} of a slicer: export the solid without")
         names = [name for name in archive.namelist() if name.endswith(".model")]
         if len(names) < 2:
             return content

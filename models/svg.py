@@ -177,10 +177,9 @@ class _Reader:
             tag = element.tag.removeprefix(SVG)
             declared = self.declared[element]
             style = computed(declared, around.style)
-            alpha = around.alpha * share(style["opacity"])
             if style["display"] == "none":
                 continue
-            here = replace(around, style=style, alpha=alpha)
+            here = replace(around, style=style, alpha=around.alpha * share(style["opacity"]))
             if style["transform"] != "none":
                 if style["transform-box"] != "view-box":
                     here = replace(here, hazard="a transform about the box of an element")
@@ -381,9 +380,8 @@ class _Reader:
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        empty = not any(text.strip() for text in element.itertext())
-        if tag != "text":
-            empty = not _link(element.attrib) if tag == "image" else not len(element)
+        text = "".join(element.itertext()).strip()
+        empty = not {"text": text, "image": _link(element.attrib)}.get(tag, text or len(element))
         unseen = tag == "text" and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0
         if not (empty or unseen or here.style["visibility"] in _HIDDEN):

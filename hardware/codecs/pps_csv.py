@@ -137,22 +137,16 @@ def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:
     """
     try:
         (cells,) = csv.reader([text.strip()], delimiter=separator, skipinitialspace=True)
-    except csv.Error:
-        return None
-    while cells and not cells[-1].strip():
-        cells.pop()
-    if separator != "," and (commas or "," in text):
-        cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
-    try:
+        while cells and not cells[-1].strip():
+            cells.pop()
+        if separator != "," and (commas or "," in text):
+            cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
         numbers = np.array([float(cell) for cell in cells])
-    except ValueError:
+    except (csv.Error, ValueError):
         return None
     # A clock since 1970 in ns is larger than any reading may be.
-    return (
-        numbers
-        if len(numbers) and (np.abs(numbers[1:]) <= LARGEST).all() and np.isfinite(numbers[0])
-        else None
-    )
+    sound = len(numbers) and np.isfinite(numbers[0]) and (np.abs(numbers[1:]) <= LARGEST).all()
+    return numbers if sound else None
 
 
 def _tick(title: str, times: list[float]) -> tuple[float, str | None]:

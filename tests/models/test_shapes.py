@@ -85,6 +85,9 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
         for number, part in enumerate(parts):
             archive.writestr(f"3D/{number}.model", wrapped % (namespaces, part, b""))
     assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("Metadata/model_settings.config", '<part id="1" subtype="modifier_part"/>')
+    assert "a modifier_part of a slicer" in refusal(path)
 
 
 def test_normals_that_are_no_numbers_do_no_harm(tmp_path, caplog):
