@@ -222,12 +222,3 @@ def test_its_table_is_that_of_the_papers_equations(job, interpolation):
         assert abs(right.mean() - right_here.mean()) <= TABLE_RIGHT
         last, last_here = (np.nanmean(of[:, -1]) for of in (errors, errors_here))
         assert abs(last - last_here) <= TABLE_ERROR_MM
-
-
-@pytest.mark.long
-def test_readings_are_drawn_without_replacement_and_places_within_reach(job):
-    _, rows, _ = job
-    for trial in range(0, len(rows), READINGS):
-        drawn = rows[trial : trial + READINGS]
-        assert len({row["reading"] for row in drawn}) == READINGS
-        assert all(abs(float(row[f"true_{axis}"])) <= REACH for row in drawn for axis in "xy")

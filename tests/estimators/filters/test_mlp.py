@@ -1,5 +1,7 @@
 """The network on single readings: what it is fused by, its temperature, and what is said without its extra."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from synthetic import draw_trial, make_scan, paper_poses
@@ -8,7 +10,7 @@ from tactsim import estimators
 from tactsim.core import InputError
 from tactsim.estimators.filters import mlp
 
-pytest.importorskip("sklearn", reason="needs scikit-learn")
+pytestmark = pytest.mark.skipif(find_spec("sklearn") is None, reason="needs scikit-learn")
 LETTERS = "EIL"
 OPTIONS = {"rounds": 3, "hidden": 16}
 

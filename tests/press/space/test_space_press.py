@@ -73,11 +73,11 @@ def test_a_flat_face_is_pressed_evenly():
     assert found.readings == pytest.approx(np.full((1, 36), even), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["key", "star-knob"])
-def test_touches_agree_with_the_exact_press_of_facets(name):
+@pytest.mark.parametrize(("name", "count"), [("key", 8), ("star-knob", 4)])
+def test_touches_agree_with_the_exact_press_of_facets(name, count):
     """The press of relief integrates over each facet that is seen; it sees the object from outside, so y is turned."""
     solid = models.solid(name)
-    starts = random_starts(solid, 12, np.random.default_rng(1))
+    starts = random_starts(solid, count, np.random.default_rng(1))
     found = touch(solid, starts)
     turns = rigid.matrix(starts[:, 3:]) * (1.0, -1.0, -1.0)
     poses = np.einsum("ni,nij->nj", starts[:, :3], turns) * (1.0, 1.0, 0.0)
