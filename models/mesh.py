@@ -30,7 +30,7 @@ LEAST_THICKNESS = 0.02  # mm
 _NO_SOLID = re.compile(
     rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?([Bb]lock|[Ee]nforc)er)\b"
 )
-GAP = 1e-3  # mm between corners that are meant to be one, as rounding leaves them
+GAP = 2e-5  # share of a mesh's size between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
 _PLY_NUMBERS = {
@@ -178,7 +178,7 @@ def _load(content: bytes, kind: str) -> Trimesh:
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
             if not mesh.is_watertight:
                 same = np.arange(len(mesh.vertices))
-                for corners in trimesh.grouping.clusters(mesh.vertices, GAP):
+                for corners in trimesh.grouping.clusters(mesh.vertices, GAP * mesh.extents.max()):
                     same[corners] = corners[0]
                 mesh.faces = same[mesh.faces]
     except InputError:
@@ -204,7 +204,7 @@ def _whole_stl(content: bytes) -> bytes:
     faces = _binary_stl_faces(content)
     if faces is not None:
         return content[: 84 + 50 * faces]
-    text = re.sub(r"(?im)^(\s*facet)\b.*$", r"\1 normal 0 0 0", _text(content))
+    text = re.sub(r"(?i)\b(facet\s+normal)(?:[^\S\n]+\S+){3}", r"\1 0 0 0", _text(content))
     return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", text).encode()
 
 
