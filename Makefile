@@ -137,7 +137,7 @@ $(READY): requirements.lock pyproject.toml
 	echo "setting up $(VENV): fetching and unpacking packages, 0.6 GB on disk ..." && \
 	$(PYTHON) -m venv $(VENV) && $(INSTALL) -r requirements.lock && \
 	$(INSTALL) --no-deps --no-build-isolation -e . && \
-	echo "setting up $(VENV): compiling the inner loops, after $$(($$(date +%s) - start)) s ..." && \
+	echo "setting up $(VENV): compiling the inner loops, a minute or more, after $$(($$(date +%s) - start)) s ..." && \
 	$(BIN)/python -m tactsim.bench.compile_kernels && \
 	echo "ready for bench after $$(($$(date +%s) - start)) s"
 	@touch $@

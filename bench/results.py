@@ -624,7 +624,8 @@ def load(path: str | Path) -> Run:
     """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
     folder = Path(path)
     if not (folder / "run.json").is_file():
-        raise InputError(f"{folder} is not the folder of a run: it has no run.json")
+        why = "it has no run.json" if folder.is_dir() else "there is no such folder"
+        raise InputError(f"{folder} is not the folder of a run: {why}")
     about = read_json(folder / "run.json", "file of a run")
     in_space = about.get("task") == SOLIDS
     layout = _SPACE if in_space else _PLANE

@@ -203,7 +203,7 @@ def print_places(run: Run, folder: Path) -> None:
     ]
     if run.estimator != standard:
         nexts.append(f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}")
-    elif not run.in_space:
+    elif not run.in_space and run.config["explore"] == "random" and run.config["scan"] is None:
         nexts.append(
             "bench run --explore information --readings 10  # it chooses the touches; --explore blind does not"
         )

@@ -112,5 +112,6 @@ def command(
     if told:
         plain_console().print(told)
     plain_console().print(
-        f"{len(scan):,} readings of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}"
+        f"{len(scan):,} readings of {' '.join(scan.letters)}, {len(scan.where('train')):,} to train on and "
+        f"{len(scan.where('test')):,} to test with, {scan.readings.shape[1]} taxels, in {out}"
     )

@@ -63,6 +63,8 @@ def test_a_folder_that_is_no_whole_run_is_refused_in_one_line(tmp_path, kind):
         load(tmp_path)
     assert str(tmp_path) in str(caught.value)
     assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="there is no such folder"):
+        load(tmp_path / "none")
 
 
 @pytest.mark.long

@@ -104,6 +104,8 @@ def test_a_table_is_imported_from_the_command_line(tmp_path, here):
     assert done.returncode == 0, done.stderr
     assert Scan.load(tmp_path / "scan.npz").digest == WANTED.digest
     assert "were not zeroed; --zero N sets it" in done.stdout
+    trained, tested = (len(WANTED.where(split)) for split in ("train", "test"))
+    assert f"{trained} to train on and {tested} to test with" in done.stdout
     refused(here("run", "--scan", "lab.csv"), "not a whole .npz file", "`bench import`")
 
 
