@@ -79,7 +79,7 @@ class AttachedPad:
         low, high = np.array([x_low, y_low]), np.array([x_high, y_high])
 
         def too_large(surface: PadSurface) -> bool:
-            return bool((np.minimum(low - surface.low, surface.high - high) < -1e-9).any())
+            return bool((np.minimum(low - surface.face.low, surface.face.high - high) < -1e-9).any())
 
         if len(geoms) > 1 or kind == mujoco.mjtGeom.mjGEOM_MESH:
             surface = relief_surface(model, geoms, self.normal, self.at, what)
@@ -88,9 +88,10 @@ class AttachedPad:
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE and too_large(surface):
                 surface = pad_surface(kind, size, self.normal, self.at, names[0], over_ends=True)
         if too_large(surface):
+            ends = [*surface.face.low, *surface.face.high]
             raise InputError(
                 f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {what} from "
-                f"({surface.low[0]:.4g}, {surface.low[1]:.4g}) to ({surface.high[0]:.4g}, {surface.high[1]:.4g}) mm "
+                f"({ends[0]:.4g}, {ends[1]:.4g}) to ({ends[2]:.4g}, {ends[3]:.4g}) mm "
                 "about the pad's middle: choose a smaller pad"
             )
         _refuse_unfelt(model, geoms)
@@ -172,7 +173,9 @@ def _overlap(reader: PadReader, other: PadReader) -> bool:
     (axes, origin), (other_axes, other_origin) = (each.frame_in_body() for each in (reader, other))
     points = (lines.points[lines.area > 0] @ axes.T + origin - other_origin) @ other_axes
     laid = other.surface.place(points)
-    below = other.surface.lines(*np.ascontiguousarray(np.clip(laid, other.surface.low, other.surface.high).T))
+    below = other.surface.lines(
+        *np.ascontiguousarray(np.clip(laid, other.surface.face.low, other.surface.face.high).T)
+    )
     x_low, x_high, y_low, y_high = other.pad.load_bounds
     inside = ((laid > [x_low, y_low]) & (laid < [x_high, y_high])).all(axis=1)
     return bool((inside & (np.abs(points - below.points).max(axis=1) < _THIN)).any())

@@ -17,28 +17,31 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numba import float64, int64, types, void
+from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press.pad_kernels import SMALL, STEEP, cut, enter, unite
 from tactsim.press.pad_surface import LINES, Lines
 
 _MM = 1e3  # mm in a metre
-_FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
+FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
 
 
 class Body(NamedTuple):
     """The p geoms of a rigid body, each in its own frame.
 
     kind: (p,), flat faces, an ellipsoid, a cylinder or a capsule along z. size: (p, 3) mm, half-axes, or the radius and
-    half the length of the cylinder. first: (p + 1,), where each geom's faces begin among f. normals (f, 3) and offsets
-    (f,) mm: the geom is {x: normals x <= offsets}. balls: (f, 4) mm, a middle and a radius that hold each face.
+    half the length of the cylinder. radii: (p,) mm, of the balls about the frames that hold the geoms. faces: (p, 2),
+    where each geom's faces begin and end among f. normals (f, 3) and offsets (f,) mm: the geom is {x: normals x <=
+    offsets}. balls: (f, 4) mm, a middle and a radius that hold each face.
     """
 
     kind: Ints
     size: Reals
-    first: Ints
+    radii: Reals
+    faces: Ints
     normals: Reals
     offsets: Reals
     balls: Reals
@@ -54,20 +57,21 @@ class Pose(NamedTuple):
 class Cover(NamedTuple):
     """What of a surface a body covers, in k covered parts of cells, at most one for each cell and geom.
 
-    cell: (k,). gap: (k,) mm from the surface to the body along the normal, in the middle of the covered part; below 0
-    where the two overlap. share: (k,) of the cell that is covered. shift: (2, k) in cells, from the cell's middle to
-    the middle of the covered part along u and v.
+    cell, geom: (k,). gap: (k,) mm from the surface to the body along the normal, in the middle of the covered part;
+    below 0 where the two overlap. share: (k,) of the cell that is covered. shift: (2, k) in cells, from the cell's
+    middle to the middle of the covered part along u and v.
     """
 
     cell: Ints
+    geom: Ints
     gap: Reals
     share: Reals
     shift: Reals
 
 
-BODY = types.NamedTuple((INTS, REALS_2D, INTS, REALS_2D, REALS, REALS_2D), Body)
+BODY = types.NamedTuple((INTS, REALS_2D, REALS, INTS_2D, REALS_2D, REALS, REALS_2D), Body)
 POSE = types.NamedTuple((REALS_3D, REALS_2D), Pose)
-COVER = types.NamedTuple((INTS, REALS, REALS, REALS_2D), Cover)
+COVER = types.NamedTuple((INTS, INTS, REALS, REALS, REALS_2D), Cover)
 
 
 def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
@@ -78,7 +82,7 @@ def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
     kinds, faces = [], []
     for geom in geoms:
         kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom] * _MM
-        kinds.append(_KINDS.get(kind, _FACETED))
+        kinds.append(_KINDS.get(kind, FACETED))
         if kind == mujoco.mjtGeom.mjGEOM_PLANE:
             faces.append(_everywhere(np.array([[0.0, 0.0, 1.0]]), np.zeros(1)))
         elif kind == mujoco.mjtGeom.mjGEOM_BOX:
@@ -96,11 +100,13 @@ def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
     size = model.geom_size[list(geoms)] * _MM
     balls = model.geom_type[list(geoms)] == mujoco.mjtGeom.mjGEOM_SPHERE
     size[balls] = size[balls, :1]
+    radii, ends = model.geom_rbound[list(geoms)] * _MM, np.cumsum([0, *map(len, faces)])
     every = np.concatenate(faces)
     return Body(
         np.array(kinds),
         size,
-        np.cumsum([0, *map(len, faces)]),
+        np.where(radii > 0, radii, np.inf),  # a plane's is 0
+        np.column_stack([ends[:-1], ends[1:]]),
         np.ascontiguousarray(every[:, :3]),
         np.ascontiguousarray(every[:, 3]),
         np.ascontiguousarray(every[:, 4:]),
@@ -142,6 +148,12 @@ Vector = tuple[float, float, float]
 _VECTOR = types.UniTuple(float64, 3)
 
 
+@compiled(_VECTOR(REALS_2D, int64), called_from_python=False)
+def vector(rows: Reals, i: int) -> Vector:
+    """Take one of vectors (n, 3)."""
+    return rows[i, 0], rows[i, 1], rows[i, 2]
+
+
 @compiled(_VECTOR(REALS_3D, int64, _VECTOR), called_from_python=False)
 def turned(rotations: Reals, geom: int, vector: Vector) -> Vector:
     """Turn a vector of the pad's frame into that of a geom."""
@@ -155,10 +167,13 @@ def turned(rotations: Reals, geom: int, vector: Vector) -> Vector:
 
 
 @compiled(float64(_VECTOR, _VECTOR, _VECTOR), called_from_python=False)
-def round_entry(point: Vector, way: Vector, half: Vector) -> float:
-    """Find where a line, from a point along a way, enters an ellipsoid with half-axes: infinite where it misses it."""
-    x, y, z = point[0] / half[0], point[1] / half[1], point[2] / half[2]
-    to_x, to_y, to_z = way[0] / half[0], way[1] / half[1], way[2] / half[2]
+def round_entry(point: Vector, way: Vector, bend: Vector) -> float:
+    """Find where a line, from a point along a way, enters an ellipsoid: infinite where it misses it.
+
+    bend: 1/mm, one over each half-axis.
+    """
+    x, y, z = point[0] * bend[0], point[1] * bend[1], point[2] * bend[2]
+    to_x, to_y, to_z = way[0] * bend[0], way[1] * bend[1], way[2] * bend[2]
     a, b = to_x * to_x + to_y * to_y + to_z * to_z, x * to_x + y * to_y + z * to_z
     inside = b * b - a * (x * x + y * y + z * z - 1)
     return (-b - math.sqrt(inside)) / a if inside >= 0 else np.inf
@@ -177,7 +192,7 @@ def side_entry(point: Vector, way: Vector, radius: float) -> float:
 def capsule_entry(point: Vector, way: Vector, radius: float, half: float) -> float:
     """Find where a line enters a capsule along z: infinite where it misses it."""
     x, y, z = point
-    entry, ball = side_entry(point, way, radius), (radius, radius, radius)
+    entry, ball = side_entry(point, way, radius), (1 / radius, 1 / radius, 1 / radius)
     if not abs(z + entry * way[2]) <= half:
         entry = np.inf
     return min(entry, round_entry((x, y, z - half), way, ball), round_entry((x, y, z + half), way, ball))
@@ -188,8 +203,7 @@ def seen(lines: Lines, i: int, geom: int, pose: Pose) -> tuple[Vector, Vector]:
     """Give a line's point and normal in the frame of a geom."""
     own, place = i if len(lines.normals) > 1 else 0, pose.positions[geom]
     x, y, z = lines.points[i, 0] - place[0], lines.points[i, 1] - place[1], lines.points[i, 2] - place[2]
-    way = (lines.normals[own, 0], lines.normals[own, 1], lines.normals[own, 2])
-    return turned(pose.rotations, geom, (x, y, z)), turned(pose.rotations, geom, way)
+    return turned(pose.rotations, geom, (x, y, z)), turned(pose.rotations, geom, vector(lines.normals, own))
 
 
 @compiled(REALS(REALS_2D), ordered=False)
@@ -213,7 +227,7 @@ def near(body: Body, geom: int, pose: Pose, ball: Reals) -> tuple[Reals, Reals]:
     the points' spread, are left out. Those that are left rise above the points in all directions by that spread, far
     more than a layer gives way.
     """
-    first, last, place = body.first[geom], body.first[geom + 1], pose.positions[geom]
+    first, last, place = body.faces[geom, 0], body.faces[geom, 1], pose.positions[geom]
     x, y, z = turned(pose.rotations, geom, (ball[0] - place[0], ball[1] - place[1], ball[2] - place[2]))
     balls, away = body.balls[first:last], np.empty(last - first)
     for face in range(len(away)):
@@ -243,18 +257,19 @@ def measure(
     Fills gap (n,) mm, infinite where the line misses the geom, and share (n,) and shift (2, n) as in `Cover`.
     """
     kind = body.kind[geom]
-    if kind == _FACETED:
+    if kind == FACETED:
         normals, offsets = near(body, geom, pose, ball)
         enter(normals, offsets, lines, np.empty(0), gap, share, shift)
         return
     half = (body.size[geom, 0], body.size[geom, 1], body.size[geom, 2])
+    bend = (1 / half[0], 1 / half[1], 1 / half[2])
     own, upright = len(lines.normals) > 1, True
     share[:] = 1.0
     shift[:] = 0.0
     for i in range(len(gap)):
         point, way = seen(lines, i, geom, pose)
         if kind == _ROUND:
-            gap[i] = round_entry(point, way, half)
+            gap[i] = round_entry(point, way, bend)
         elif kind == _CAPSULE:
             gap[i] = capsule_entry(point, way, half[0], half[1])
         elif math.hypot(way[0], way[1]) < STEEP:  # the cylinder's side is a wall
@@ -274,12 +289,8 @@ def measure(
     for i in range(len(gap)):
         point, way = seen(lines, i, geom, pose)
         line = i if own else 0
-        along_u = turned(
-            pose.rotations, geom, (lines.span_u[line, 0], lines.span_u[line, 1], lines.span_u[line, 2])
-        )
-        along_v = turned(
-            pose.rotations, geom, (lines.span_v[line, 0], lines.span_v[line, 1], lines.span_v[line, 2])
-        )
+        along_u = turned(pose.rotations, geom, vector(lines.span_u, line))
+        along_v = turned(pose.rotations, geom, vector(lines.span_v, line))
         # The rim is a wall that turns with the point: its part along each side of a cell.
         x, y = point[0] + gap[i] * way[0], point[1] + gap[i] * way[1]
         distance = max(math.hypot(x, y), SMALL)
@@ -288,6 +299,22 @@ def measure(
             (along_u[0] * x + along_u[1] * y) / distance,
             (along_v[0] * x + along_v[1] * y) / distance,
         )
+
+
+@compiled(types.Tuple((BODY, POSE))(BODY, POSE, types.boolean[::1]), called_from_python=False)
+def among(body: Body, pose: Pose, chosen: NDArray[np.bool_]) -> tuple[Body, Pose]:
+    """Take the chosen ones, (p,), of a body's geoms alone."""
+    (geoms,) = np.nonzero(chosen)
+    parts = Body(
+        body.kind[geoms],
+        body.size[geoms],
+        body.radii[geoms],
+        body.faces[geoms],
+        body.normals,
+        body.offsets,
+        body.balls,
+    )
+    return parts, Pose(pose.rotations[geoms], pose.positions[geoms])
 
 
 @compiled(COVER(BODY, POSE, LINES, float64), called_from_python=False)
@@ -310,12 +337,14 @@ def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
     for geom in range(geoms):
         for cell in range(cells):
             count += share[geom, cell] > 0
-    met = Cover(np.empty(count, dtype=np.int64), np.empty(count), np.empty(count), np.empty((2, count)))
+    which = np.empty((2, count), dtype=np.int64)
+    met = Cover(which[0], which[1], np.empty(count), np.empty(count), np.empty((2, count)))
     count = 0
     for geom in range(geoms):
         for cell in range(cells):
             if share[geom, cell] > 0:
-                met.cell[count], met.gap[count], met.share[count] = cell, gap[geom, cell], share[geom, cell]
+                met.cell[count], met.geom[count] = cell, geom
+                met.gap[count], met.share[count] = gap[geom, cell], share[geom, cell]
                 met.shift[0, count], met.shift[1, count] = shift[geom, 0, cell], shift[geom, 1, cell]
                 count += 1
     return met

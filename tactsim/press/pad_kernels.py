@@ -9,7 +9,7 @@ import numpy as np
 from numba import float64, int64, types, void
 
 from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.press.pad_surface import LINES, Lines
+from tactsim.press.pad_surface import LINES, Lines, dot
 
 
 class Carried(NamedTuple):
@@ -28,17 +28,19 @@ class Carried(NamedTuple):
 class Taxels(NamedTuple):
     """Where a pad's taxels are, mm: the edges of its columns and rows, (n, 2), and of all of it along u and v, (2, 2).
 
-    sigma: mm, of the point spread, 0 for none.
+    pitch: (2,) mm along u and v. sigma: mm, of the point spread, 0 for none. stiffness: N/mm^3 of the layer on them.
     """
 
     columns: Reals
     rows: Reals
     bounds: Reals
+    pitch: Reals
     sigma: float
+    stiffness: float
 
 
 CARRIED = types.NamedTuple((REALS_2D, REALS_2D, REALS, REALS), Carried)
-TAXELS = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, float64), Taxels)
+TAXELS = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS, float64, float64), Taxels)
 
 STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
 SMALL = 1e-12
@@ -47,7 +49,11 @@ _SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far
 _LEAST = 1e-9  # of a cell: less than this is not covered
 _NARROW = 1e-4  # of a cell, to which forces are spread at least
 _BLOCK = 512  # lines at a time
-_FAR = 8.0  # standard deviations of the point spread, beyond which it is less than what a double resolves
+_FAR = 8  # standard deviations of the point spread, beyond which it is less than what a double resolves
+_STEPS = 64  # of a table for each of them
+_AT = np.arange(-_FAR * _STEPS, _FAR * _STEPS + 1) / _STEPS
+_BELOW = np.array([math.erfc(-z / math.sqrt(2)) / 2 for z in _AT])
+_PASSED = _AT * _BELOW + np.exp(-_AT * _AT / 2) / math.sqrt(2 * math.pi)
 
 
 @compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
@@ -254,6 +260,10 @@ def enter(
             line = i if own else 0
             if first < 0 or not np.isfinite(gap[i]):
                 continue
+            # A wall farther from the middle of a cell than its sides' lengths allow leaves it whole, or bare.
+            if 2 * most[k] * most[k] > dot(span_u, line, span_u, line) + dot(span_v, line, span_v, line):
+                share[i] = 0.0 if most[k] > 0 else 1.0
+                continue
             part = along(normals, first, ways, line)
             steep = math.sqrt(max(1 - part * part, SMALL))
             share[i], shift[0, i], shift[1, i] = cut(
@@ -301,8 +311,12 @@ def passed(distance: float, sigma: float) -> float:
         return distance
     if distance <= -_FAR * sigma:
         return 0.0
-    z = distance / sigma
-    return sigma * (z * math.erfc(-z / math.sqrt(2.0)) / 2 + math.exp(-z * z / 2) / math.sqrt(2 * math.pi))
+    place = (distance / sigma + _FAR) * _STEPS
+    i = min(int(place), len(_AT) - 2)
+    # Between two places of the table a cubic with its values and slopes, within 2e-10.
+    before, after, rise = place - i, i + 1 - place, _PASSED[i + 1] - _PASSED[i]
+    bend = after * (_BELOW[i] / _STEPS - rise) + before * (rise - _BELOW[i + 1] / _STEPS)
+    return sigma * (_PASSED[i] + before * (rise + after * bend))
 
 
 @compiled(void(float64, REALS, REALS_2D, float64, REALS), called_from_python=False)

@@ -9,11 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types
+from numba import boolean, float64, int32, int64, types
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
-from tactsim.press.geom_gap import BODY, POSE, Body, Pose, union_gaps
+from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.press.geom_gap import BODY, FACETED, POSE, Body, Pose, among, union_gaps
 from tactsim.press.layer_balance import approach, balance
 from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
 from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place, stepped
@@ -58,21 +58,26 @@ class Load(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The k contacts of a rigid body on a pad, in the pad's frame, and how each of n joints turns the body on it.
+    """The k contacts on a pad, as MuJoCo has them.
 
-    forces: (k,) N. pushes: (k, 3) N, the same as vectors from the pad. points: (k, 3) mm. turning: (n, 3) rad a unit.
+    forces: (k, 6), as mj_contactForce gives them, on the second of geoms (k, 2). frames (k, 9), with the first axis
+    from the first geom to the second; points (k, 3) m. bodies: of each geom of the model its rigid body. places: which
+    it is of its body's geoms, as `Body` lists them, and -1 if it is not among them.
     """
 
     forces: Reals
-    pushes: Reals
+    geoms: NDArray[np.int32]
+    frames: Reals
     points: Reals
-    turning: Reals
+    bodies: Ints
+    places: Ints
 
 
 class Frames(NamedTuple):
     """Where p geoms are: their numbers (p,), and of each geom of the model rotations (g, 9) and positions (g, 3) m.
 
-    rotation: (3, 3) and origin: (3,) m, the frame of the pad.
+    rotation: (3, 3) and origin: (3,) m, the frame of the pad. turning: (n, 3) rad a unit, in the pad's frame, how each
+    of n joints turns the body of the geoms on the pad.
     """
 
     geoms: Ints
@@ -80,19 +85,12 @@ class Frames(NamedTuple):
     positions: Reals
     rotation: Reals
     origin: Reals
-
-
-class Springs(NamedTuple):
-    """What lies on the surface: N/mm^3, and the pitches of the taxels along u and v, (2,) mm."""
-
-    stiffness: float
-    pitch: Reals
+    turning: Reals
 
 
 LOAD = types.NamedTuple((float64, REALS, REALS_2D, REALS, REALS_2D, REALS), Load)
-SPRINGS = types.NamedTuple((float64, REALS), Springs)
-CONTACTS = types.NamedTuple((REALS, REALS_2D, REALS_2D, REALS_2D), Contacts)
-FRAMES = types.NamedTuple((INTS, REALS_2D, REALS_2D, REALS_2D, REALS), Frames)
+CONTACTS = types.NamedTuple((REALS_2D, int32[:, ::1], REALS_2D, REALS_2D, INTS, INTS), Contacts)
+FRAMES = types.NamedTuple((INTS, REALS_2D, REALS_2D, REALS_2D, REALS, REALS_2D), Frames)
 
 
 @compiled(REALS(REALS_2D, REALS_2D), called_from_python=False)
@@ -116,14 +114,14 @@ def uncorrelate(axes: Reals, rows: Reals) -> Reals:
     return np.sqrt(squares[:2])
 
 
-@compiled(LOAD(CONTACTS), called_from_python=False)
-def load_of(contacts: Contacts) -> Load:
-    """Add up the contacts of a body.
+@compiled(LOAD(REALS, REALS_2D, REALS_2D, REALS_2D), called_from_python=False)
+def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load:
+    """Add up k contacts of a body, in the pad's frame, as `turn_contacts` gives them.
 
+    forces: (k,) N. pushes: (k, 3) N. points: (k, 3) mm. turning: (n, 3) rad a unit, as in `Frames`.
     Where joints let the body turn, the balance of moments alone says where the load is centred, and MuJoCo keeps that
     balance, if contact points lie on both sides. Where joints hold it, its centre is that of MuJoCo's few points.
     """
-    forces, pushes, points, turning = contacts
     direction, centre, force = np.zeros(3), np.zeros(3), forces.sum()
     for i in range(len(forces)):
         for k in range(3):
@@ -131,10 +129,8 @@ def load_of(contacts: Contacts) -> Load:
             centre[k] += forces[i] / force * points[i, k]
     direction /= math.sqrt((direction**2).sum())
     axes, least = np.zeros((2, 3)), np.abs(direction).argmin()
-    axes[0, (least + 1) % 3], axes[0, (least + 2) % 3] = (
-        -direction[(least + 2) % 3],
-        direction[(least + 1) % 3],
-    )
+    axes[0, least] = 1.0
+    axes[0] = np.cross(axes[0], direction)
     axes[0] /= math.sqrt((axes[0] ** 2).sum())
     axes[1] = np.cross(direction, axes[0])
     turns = uncorrelate(axes, turning)
@@ -148,37 +144,45 @@ def load_of(contacts: Contacts) -> Load:
     return Load(force, direction, points, centre, axes, spreads)
 
 
-@compiled(types.UniTuple(REALS_2D, 3)(REALS_2D, REALS_2D, REALS_2D, types.boolean[::1], REALS_2D, REALS))
-def turn_contacts(
-    forces: Reals, frames: Reals, places: Reals, ahead: NDArray[np.bool_], rotation: Reals, origin: Reals
-) -> tuple[Reals, Reals, Reals]:
-    """Turn k contacts into the pad's frame, which lies at rotation (3, 3) and origin (3,) m of the world's.
+@compiled(
+    types.Tuple((REALS, REALS_2D, REALS_2D, REALS_2D, INTS))(CONTACTS, FRAMES, int64),
+    called_from_python=False,
+)
+def turn_contacts(contacts: Contacts, frames: Frames, number: int) -> tuple[Reals, Reals, Reals, Reals, Ints]:
+    """Turn those of the contacts that press the pad and that body `number` makes into the pad's frame, k of them.
 
-    forces: (k, 6), as mj_contactForce gives them, on geom 2: that is what touches the pad where `ahead` (k,), else
-    geom 1 is. frames (k, 9), with the first axis from geom 1 to geom 2; places (k, 3) m. Returns the normal forces from
-    the pad (k, 3) N, the friction on the pad (k, 3) N and the points (k, 3) mm.
+    Returns the normal forces (k,) N, the same from the pad (k, 3) N, the friction on the pad (k, 3) N, the points
+    (k, 3) mm, and which of the body's geoms touch (k,).
     """
-    pushes, shears, points = np.zeros(places.shape), np.zeros(places.shape), np.zeros(places.shape)
-    for i in range(len(places)):
-        sign = 1.0 if ahead[i] else -1.0
+    most, count = len(contacts.forces), 0
+    forces, geoms = np.empty(most), np.empty(most, dtype=np.int64)
+    pushes, shears, points = np.zeros((most, 3)), np.zeros((most, 3)), np.zeros((most, 3))
+    for row in range(most):
+        first, second = contacts.geoms[row, 0], contacts.geoms[row, 1]
+        ahead = contacts.bodies[second] == number
+        force, frame, sign = contacts.forces[row], contacts.frames[row], 1.0 if ahead else -1.0
+        if not (force[0] > 0 and (ahead or contacts.bodies[first] == number)):
+            continue
         for k in range(3):
             for j in range(3):
-                turn = sign * rotation[j, k]
-                pushes[i, k] += forces[i, 0] * frames[i, j] * turn
-                shears[i, k] -= (forces[i, 1] * frames[i, 3 + j] + forces[i, 2] * frames[i, 6 + j]) * turn
-                points[i, k] += _MM * (places[i, j] - origin[j]) * rotation[j, k]
-    return pushes, shears, points
+                turn = sign * frames.rotation[j, k]
+                pushes[count, k] += force[0] * frame[j] * turn
+                shears[count, k] -= (force[1] * frame[3 + j] + force[2] * frame[6 + j]) * turn
+                points[count, k] += _MM * (contacts.points[row, j] - frames.origin[j]) * frames.rotation[j, k]
+        forces[count], geoms[count] = force[0], contacts.places[second if ahead else first]
+        count += 1
+    return forces[:count], pushes[:count], shears[:count], points[:count], geoms[:count]
 
 
-@compiled(INTS(REALS, REALS_2D, INTS, INTS))
-def group_contacts(forces: Reals, pushes: Reals, geoms: Ints, bodies: Ints) -> Ints:
-    """Put those of k contacts together that one body makes in about one direction: the number of each's group, (k,).
+@compiled(INTS(REALS, REALS_2D, INTS), called_from_python=False)
+def group_contacts(forces: Reals, pushes: Reals, geoms: Ints) -> Ints:
+    """Put those of a body's k contacts together that are made in about one direction: the number of each's group, (k,).
 
-    forces (k,) N and pushes (k, 3) N as in `Contacts`; geoms, bodies: (k,), what touches. The geoms of a body come by
-    the force that they carry, and each goes to the first group that has its direction.
+    forces (k,) N and pushes (k, 3) N from the pad; geoms: (k,), what touches. The geoms come by the force that they
+    carry, and each goes to the first group that has its direction.
     """
     count, known = len(geoms), 0
-    groups, first, ways = np.full(count, -1), np.empty(count, dtype=np.int64), np.zeros((count, 3))
+    groups, ways = np.full(count, -1), np.zeros((count, 3))
     while True:
         most, heaviest = 0.0, -1
         for i in range(count):
@@ -193,13 +197,10 @@ def group_contacts(forces: Reals, pushes: Reals, geoms: Ints, bodies: Ints) -> I
                 ways[known] += pushes[i]
         ways[known] /= math.sqrt((ways[known] ** 2).sum())
         group = 0
-        while group < known and (
-            bodies[first[group]] != bodies[heaviest] or dot(ways, group, ways, known) <= _FACING
-        ):
+        while group < known and dot(ways, group, ways, known) <= _FACING:
             group += 1
         groups[geoms == geoms[heaviest]] = group
         if group == known:
-            first[known] = heaviest
             known += 1
         else:
             ways[known] = 0.0
@@ -247,16 +248,19 @@ def sunken(pose: Pose, load: Load, depth: float, turn: Reals) -> Pose:
 
 
 @compiled(
-    types.Tuple((CARRIED, POSE, float64, float64))(FACE, SPRINGS, BODY, POSE, LOAD, REALS, REALS, float64),
+    types.Tuple((CARRIED, BODY, POSE, float64, float64))(
+        FACE, TAXELS, BODY, POSE, LOAD, REALS, REALS, float64
+    ),
     called_from_python=False,
 )
 def press_cells(
-    face: Face, springs: Springs, body: Body, pose: Pose, load: Load, u: Reals, v: Reals, sunk: float
-) -> tuple[Carried, Pose, float, float]:
+    face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load, u: Reals, v: Reals, sunk: float
+) -> tuple[Carried, Body, Pose, float, float]:
     """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
 
-    sunk: mm by which the body was moved along the load already. Returns also the body as it lies where the
-    load is balanced, how far it is sunk there, and by how much more it would be without a turn.
+    sunk: mm by which the body was moved along the load already. Returns also those of the body's geoms that some
+    line may meet, how they lie where the load is balanced, how far the body is sunk there, and by how much more it
+    would be without a turn.
     """
     columns, rows = len(u) - 1, len(v) - 1
     cells, du, dv = rows * columns, u[1] - u[0], v[1] - v[0]
@@ -278,7 +282,7 @@ def press_cells(
         x, y, z = lines.normals[line, 0], lines.normals[line, 1], lines.normals[line, 2]
         basis[0, i] = x * way[0] + y * way[1] + z * way[2]
         if basis[0, i] > _GRAZING:
-            weight[i] = springs.stiffness * du * dv * lines.area[met[i]] * cover.share[i]
+            weight[i] = taxels.stiffness * du * dv * lines.area[met[i]] * cover.share[i]
         if len(turns) == 0:
             continue
         # normal . (turn cross offset), as (offset cross normal) . turn
@@ -291,7 +295,7 @@ def press_cells(
             basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
     forces, moved = np.zeros(cells), np.zeros((2, cells))
     if weight.sum() == 0:
-        return Carried(forces.reshape(columns, rows), moved, u, v), pose, sunk, 0.0
+        return Carried(forces.reshape(columns, rows), moved, u, v), body, pose, sunk, 0.0
     straight = approach(gap, weight, basis[0], load.force)
     motion = balance(gap, weight, basis, load.force, straight)
     for i in range(len(met)):
@@ -307,21 +311,11 @@ def press_cells(
     turn = np.zeros(3)
     for j in range(len(turns)):
         turn += motion[1 + j] * turns[j]
-    return (
-        Carried(forces.reshape(columns, rows), moved, u, v),
-        sunken(pose, load, motion[0], turn),
-        sunk + motion[0],
-        straight,
-    )
-
-
-@compiled(REALS(float64, float64, int64), called_from_python=False)
-def edges(low: float, high: float, cells: int) -> Reals:
-    """Divide a length into cells: (cells + 1,) mm."""
-    lines = np.empty(cells + 1)
-    for i in range(cells + 1):
-        lines[i] = low + (high - low) * (i / cells)
-    return lines
+    # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
+    chosen = body.kind != FACETED
+    chosen[cover.geom] = True
+    parts, there = among(body, sunken(pose, load, motion[0], turn), chosen)
+    return Carried(forces.reshape(columns, rows), moved, u, v), parts, there, sunk + motion[0], straight
 
 
 @compiled(boolean(FACE, LOAD), called_from_python=False)
@@ -336,17 +330,15 @@ def beside(face: Face, load: Load) -> bool:
             v[j] = min(max(laid[i, 1] + (j // 3 - 1) * _RIM, face.low[1]), face.high[1])
         lines = lay_lines(face, u, v, 1.0, 1.0)
         for j in range(9):
-            normal, off = (
-                lines.normals[j if len(lines.normals) > 1 else 0],
-                ((lines.points[j] - points[i]) ** 2).sum(),
-            )
+            normal = lines.normals[j if len(lines.normals) > 1 else 0]
+            off = ((lines.points[j] - points[i]) ** 2).sum()
             if lines.area[j] > 0 and off < _OFF * _OFF and (normal * way).sum() >= _FACING:
                 return False
     return True
 
 
-@compiled(types.Tuple((CARRIED, float64))(FACE, SPRINGS, BODY, POSE, LOAD), called_from_python=False)
-def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
+@compiled(types.Tuple((CARRIED, float64))(FACE, TAXELS, BODY, POSE, LOAD), called_from_python=False)
+def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
     """Let the layer carry a load: what it carries, and how far it gives way, mm.
 
     All forces are 0 where the body touches beside the face alone.
@@ -363,8 +355,8 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
     for _ in range(_SEARCHES):
         if (high <= low).any():
             break
-        u, v = edges(low[0], high[0], _SEARCH), edges(low[1], high[1], _SEARCH)
-        carried, moved, sunk, straight = press_cells(face, springs, body, pose, load, u, v, 0.0)
+        u, v = np.linspace(low[0], high[0], _SEARCH + 1), np.linspace(low[1], high[1], _SEARCH + 1)
+        carried, parts, moved, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
         size, cell = high - low, (high - low) / _SEARCH
         first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
         for row in range(_SEARCH):
@@ -389,7 +381,7 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
             grows |= below or above
         if grows:
             continue
-        if (high - low < _POINT * springs.pitch).all():
+        if (high - low < _POINT * taxels.pitch).all():
             break
         if (high - low > size / 2).all():
             least, most, a_pitch = _LINES[0], _LINES[1], _LINES_A_PITCH
@@ -397,21 +389,51 @@ def carry(face: Face, springs: Springs, body: Body, pose: Pose, load: Load) -> t
                 least = _LINES_OF_SEVERAL
             if stepped(face, low, high):
                 most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
-            count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / springs.pitch), least), most)
-            u, v = edges(low[0], high[0], int(count[0])), edges(low[1], high[1], int(count[1]))
-            carried, _, sunk, _ = press_cells(face, springs, body, moved, load, u, v, sunk)
+            count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / taxels.pitch), least), most)
+            u = np.linspace(low[0], high[0], int(count[0]) + 1)
+            v = np.linspace(low[1], high[1], int(count[1]) + 1)
+            carried, _, _, sunk, _ = press_cells(face, taxels, parts, moved, load, u, v, sunk)
             # A body that stands on its rim turns, and sinks, without end: that says nothing about the layer.
             return carried, straight if load.spreads.any() else sunk
     return carried, 0.0
 
 
-@compiled(types.UniTuple(float64, 2)(FACE, SPRINGS, TAXELS, BODY, FRAMES, CONTACTS, REALS_2D))
+@compiled(types.Tuple((REALS_3D, REALS))(FACE, TAXELS, BODY, FRAMES, CONTACTS, int64))
 def press(
-    face: Face, springs: Springs, taxels: Taxels, body: Body, frames: Frames, contacts: Contacts, image: Reals
-) -> tuple[float, float]:
-    """Let the layer carry a load, and the taxels feel it: adds N to image (rows, columns).
+    face: Face, taxels: Taxels, body: Body, frames: Frames, contacts: Contacts, number: int
+) -> tuple[Reals, Reals]:
+    """Let the layer carry what a rigid body does in each direction, and the taxels feel it.
 
-    Returns the force on the pad, N, and how far the layer gives way, mm.
+    number: the body's among those of the contacts. Returns what each taxel feels, (3, rows, columns) N: the normal
+    force, and the friction along x and y, which is shared as that is. Then (7,): the normal force, what of it is on the
+    pad and the friction along x, y and z, N, how many contacts carry force, and how far the layer gives way, mm, where
+    most of a force is on the pad.
     """
-    carried, sunk = carry(face, springs, body, pose_of(frames), load_of(contacts))
-    return spread_forces(carried, taxels, image), sunk
+    images, sums = np.zeros((3, len(taxels.rows), len(taxels.columns))), np.zeros(7)
+    forces, pushes, shears, points, geoms = turn_contacts(contacts, frames, number)
+    groups, pose = group_contacts(forces, pushes, geoms), pose_of(frames)
+    # A load is on all geoms that may touch the face, but for those that touch it another way.
+    reach, touching = math.sqrt(((face.high - face.low) ** 2).sum()), np.full(len(body.kind) + 1, -1)
+    for geom in range(len(body.kind)):
+        if math.sqrt((pose.positions[geom] ** 2).sum()) - reach > body.radii[geom]:
+            touching[geom] = -2
+    touching[geoms] = groups
+    for group in range(max(groups) + 1 if len(groups) else 0):
+        (rows,) = np.nonzero(groups == group)
+        load = load_of(forces[rows], pushes[rows], points[rows], frames.turning)
+        shear = shears[rows].sum(axis=0)
+        parts, there = among(body, pose, ((touching == group) | (touching == -1))[:-1])
+        carried, sunk = carry(face, taxels, parts, there, load)
+        image = np.zeros(images[0].shape)
+        inside = spread_forces(carried, taxels, image)
+        image = np.maximum(image, 0)
+        images[0] += image
+        images[1] += shear[0] / load.force * image
+        images[2] += shear[1] / load.force * image
+        sums[0] += load.force
+        sums[1] += inside
+        sums[2:5] += shear
+        sums[5] += len(rows)
+        if inside > load.force / 2:
+            sums[6] = max(sums[6], sunk)
+    return images, sums

@@ -79,16 +79,6 @@ class PadSurface:
     axes: FloatArray
     face: Face
 
-    @property
-    def low(self) -> FloatArray:
-        """Where the face begins in (u, v): (2,) mm."""
-        return self.face.low
-
-    @property
-    def high(self) -> FloatArray:
-        """Where the face ends in (u, v): (2,) mm."""
-        return self.face.high
-
     def lines(self, u: FloatArray, v: FloatArray) -> Lines:
         """Lay lines along the normals at u and v, (n,) mm, with spans for cells of 1 x 1 mm."""
         return lay_lines(self.face, u, v, 1.0, 1.0)

@@ -44,6 +44,14 @@ def test_boxes_of_one_body_are_one_face(boxes):
     assert reading.outside == pytest.approx(reading.force - inside, abs=5e-4)
 
 
+def test_parts_that_nothing_presses_change_nothing():
+    """Beside the load, and within its lattice but too high."""
+    plate = box(-2, 0, 2, 1) + box(2, 0, 2, 1)
+    more = plate + box(0, 8, 5, 2, 1.0) + box(0, 1.6, 5, 0.5, 1.0)
+    plain, other = (settle(geoms, pose='pos="0 0 1e-5"')[2].kpa for geoms in (plate, more))
+    np.testing.assert_allclose(other, plain, atol=1e-9 * plain.max())
+
+
 @pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.02)])
 def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
     """Parts lie wall to wall along slanted lines. Held by a slide, tilted about y."""

@@ -88,23 +88,23 @@ def _laid(
 
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{body.upper()}")
     half_length = float(np.abs([low[1], high[1]]).max())
-    face = pad_surface(
+    surface = pad_surface(
         kind, np.array([radius, half_length, 0]) / 1e3, np.array([1.0, 0, 0]), np.zeros(2), body
     )
-    beyond = np.maximum(face.low - low, high - face.high).max()
+    beyond = np.maximum(surface.face.low - low, high - surface.face.high).max()
     if beyond > _EDGE:
         reach = float(np.abs([low, high]).max() if body == "sphere" else np.abs([low[0], high[0]]).max())
-        least = radius * reach / float(face.high[0])
+        least = radius * reach / float(surface.face.high[0])
         raise InputError(
             f"radius is {radius:g} mm, and the pad reaches too far round such a {body}: it needs {least:.2f} mm or more"
         )
     across = at[:, 0] ** 2 + (at[:, 1] ** 2 if body == "sphere" else 0)
     on = across < radius**2
     z = np.sqrt(np.where(on, radius**2 - across, 0.0)) - radius
-    laid = face.place(np.column_stack([at, z]))
+    laid = surface.place(np.column_stack([at, z]))
     on &= (laid > low - _EDGE).all(axis=1) & (laid < high + _EDGE).all(axis=1)
     facing = np.where(on, (z + radius) / radius, 1.0)
-    lines = face.lines(*np.ascontiguousarray(taxels.T))
+    lines = surface.lines(*np.ascontiguousarray(taxels.T))
     return laid, np.where(on, z, np.nan), facing, lines.points, lines.normals
 
 
