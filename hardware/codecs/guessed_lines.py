@@ -8,7 +8,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -27,12 +27,11 @@ class GuessedLines:
     """Lines of numbers.
 
     columns: fields in a frame. rows: lines in a frame, with a line of another kind between frames; 1 if every line is
-    one.
-    before: what the first fields are, one or two: "skip" for what is never a number, "clock" for one that rises
+    one. before: what the first fields are, one or two: "skip" for what is never a number, "clock" for one that rises
     steadily, "index" where it rises by 1. tick_s: s, the clock's unit by its steps. decimal: the decimal point. odd: a
     field that is no number where others are, such as "ovf"; "" if there is none. named: the names of lines that are
-    parts of a frame, with nothing between two frames.
-    read: whether most of these lines are read by the device file.
+    parts of a frame, with nothing between two frames. checksum: the kind behind a "*"; "" if there is none. read:
+    whether most of these lines are read by the device file.
     """
 
     columns: int
@@ -42,6 +41,7 @@ class GuessedLines:
     odd: str
     tick_s: float = 1e-3
     named: tuple[str, ...] = ()
+    checksum: str = ""
     read: bool = False
 
     def describe(self) -> str:
@@ -81,6 +81,7 @@ class GuessedLines:
                 *([f"before = {list(self.before)}".replace("'", '"')] if self.before else []),
                 *([f"tick_s = {self.tick_s:g}"] if "clock" in self.before else []),
                 *(['delimiter = ";"', 'decimal = ","'] if self.decimal == "," else []),
+                *([f'checksum = "{self.checksum}"'] if self.checksum else []),
                 "kpa_per_count = 1.0  # measure, this and what follows",
                 "[pad]",
                 f"rows = {rows}",
@@ -113,10 +114,12 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     if any(line.startswith(b"[[") and not line.endswith(b"]]") for line in lines):
         named = ("[[", "]]")  # as NumPy prints a picture
     guesses = []
-    for decimal in (".", ","):
-        fields = [split_line(line, decimal) if line.strip(b"\0 ") else [] for line in lines]
+    for decimal, checksum in product(".,", ("", "xor8")):
+        texts = [line.partition(b"*")[0] if checksum else line for line in lines]
+        fields = [split_line(text, decimal) if text.strip(b"\0 ") else [] for text in texts]
         guess = _of_rows(fields, decimal) or _of_lines(fields, decimal)
         if guess is not None:
+            guess = replace(guess, checksum=checksum)
             whole = sum(map(bool, fields)) / guess.rows
             if guess.rows == 1 and len(named) > 1:
                 guesses.append(replace(guess, named=named))
@@ -163,10 +166,8 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     before, tick_s = ["skip"] if skipped else [], 1e-3
     while len(before) < min(columns - 1, 2):
         steps = np.diff([(numbers_in(row[len(before) :][:1]) or [np.nan])[0] for row in alike])
-        if len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():
-            break
         kind = "index" if (steps == 1).all() else "clock"
-        if kind in before:
+        if kind in before or len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():
             break
         before.append(kind)
         if kind == "clock":

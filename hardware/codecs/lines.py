@@ -12,7 +12,7 @@ like a line, too. Only a checksum behind the numbers tells, "*" and hexadecimal 
 
     12,0,345*5B
 
-It covers all characters before the "*".
+It covers all characters before the "*", but for a "$" that the line begins with.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class LinesCodec(CountsCodec):
         if self.format.checksum is None:
             return b""
         size, function = CHECKSUMS[self.format.checksum]
-        return b"*%0*X" % (2 * size, function(line))
+        return b"*%0*X" % (2 * size, function(line.removeprefix(b"$")))
 
 
 def split_line(line: bytes, decimal: str = ".") -> list[bytes]:

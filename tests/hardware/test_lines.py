@@ -1,6 +1,8 @@
 """Lines of numbers as sketches print them: read, or told by `bench probe` with the device file that reads them."""
 
+import functools
 import json
+import operator
 import tomllib
 
 import numpy as np
@@ -138,6 +140,15 @@ def test_parts_of_frames_with_nothing_between_two_frames_are_refused(form):
     guess = guess_lines("".join(map(form, VALUES)).encode())
     assert not guess.read
     assert "nothing between two frames" in guess.refusal()
+
+
+def test_the_checksum_of_nmea_leaves_out_the_dollar():
+    codec = LinesFormat(kind="csv", taxels=4, before=("skip",), checksum="xor8", kpa_per_count=1.0).build()
+    sentence = b"\n$TACT,100,200,300,400*%02X\r\n"
+    right = functools.reduce(operator.xor, b"TACT,100,200,300,400")
+    assert read(codec, [sentence % right]) == [VALUES[0]]
+    assert read(codec, [sentence % (right ^ ord("$"))]) == []
+    assert tomllib.loads(guess_lines(9 * (sentence % right)).device_file())["codec"]["checksum"] == "xor8"
 
 
 def test_lines_of_one_number_may_be_the_taxels_of_a_frame():
