@@ -46,7 +46,8 @@ CHEAPER: dict[str, dict[str, object]] = {
     "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
     "mlp": {"rounds": 3, "hidden": 32},
     "scan-matching": {"bins": 20_000},
-    **{name: {"cell": 0.8} for name in ("refined", "tempered", "graded", "force-mosaic")},
+    "tempered": {"cell": 0.8, "particles": 500},
+    **{name: {"cell": 0.8} for name in ("refined", "graded", "force-mosaic")},
 }
 
 

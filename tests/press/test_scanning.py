@@ -60,7 +60,7 @@ def test_a_single_press_without_a_generator_has_no_noise():
     assert np.abs(press.reading - press.ideal).max() <= 0.35 + 1e-9  # half a step
 
 
-def test_worlds_are_valid_and_worse_data_is_classified_worse():
+def test_worlds_are_valid_and_worse_data_is_classified_worse(few_angles):
     letters, shares = {"E": models.letter("E")}, {}
     for world, values in WORLDS.items():
         scan, _ = scan_letters(ScanOptions(letters=("E",), **values))

@@ -1,5 +1,7 @@
 """Work that is left out must not change an answer; each switch and counter is shown to matter."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from level_world import level_press, level_scan
@@ -15,6 +17,7 @@ FAR = np.array([[40.0, 0.0, 0.0], [0.0, -30.0, 1.0]])
 POSES = np.concatenate([grid_poses()[::9], FAR])
 
 
+@cache
 def ideal(name, engine="bed", **skips):
     options = level_scan(press=level_press(engine=engine, skip=Skips(**skips)))
     return ideal_readings(Touches.of(models.letter(name), POSES), options)
