@@ -51,7 +51,7 @@ class GuessedLines:
             columns = self.columns // self.rows
             what = f"frames of {self.rows} lines with {columns} numbers, another line between frames"
         befores = {"clock": "a clock, as it rises steadily", "index": "the lines' count", "skip": "no number"}
-        before = "".join(f"; number {k} is {befores[name]}" for k, name in enumerate(self.before, 1))
+        before = "".join(f"; field {k} is {befores[name]}" for k, name in enumerate(self.before, 1))
         odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
         return what + before + odd
 
