@@ -159,6 +159,7 @@ def test_the_confusion_matrix_follows_its_slider(open_page, path):
 def test_nothing_scrolls_sideways_on_a_small_screen(open_page, path):
     page = open_page(path, width=360)
     assert page.evaluate("document.documentElement.scrollWidth") == 360
+    assert not page.locator("small.about").first.is_visible()
 
 
 LIGHTNESS = "Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0])"
