@@ -123,7 +123,8 @@ def idle_frames(path: Path | None) -> Any:
         separator = next((mark for mark in ";\t," if mark in text), None)
         lines = (text if separator == "," else text.replace(",", ".")).splitlines()
         title = 1 if re.match(r"\W*[A-Za-z_]\w*", text) and not text.startswith("#") else 0
-        rows = [line.rstrip().removesuffix(separator or " ") for line in lines[title:]]
+        lines = [line.partition("#")[0].strip() for line in lines[title:]]
+        rows = [line.removesuffix(separator or " ") for line in lines if line]
         if not rows:
             raise ValueError("it holds no row of numbers")
         return np.loadtxt(rows, delimiter=separator)
