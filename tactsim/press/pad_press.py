@@ -156,19 +156,16 @@ def turn_contacts(contacts: Contacts, frames: Frames, number: int) -> tuple[Real
     """
     most, count = len(contacts.forces), 0
     forces, geoms = np.empty(most), np.empty(most, dtype=np.int64)
-    pushes, shears, points = np.zeros((most, 3)), np.zeros((most, 3)), np.zeros((most, 3))
+    pushes, shears, points = np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
     for row in range(most):
         first, second = contacts.geoms[row, 0], contacts.geoms[row, 1]
         ahead = contacts.bodies[second] == number
-        force, frame, sign = contacts.forces[row], contacts.frames[row], 1.0 if ahead else -1.0
+        force, sign = contacts.forces[row], 1.0 if ahead else -1.0
         if not (force[0] > 0 and (ahead or contacts.bodies[first] == number)):
             continue
-        for k in range(3):
-            for j in range(3):
-                turn = sign * frames.rotation[j, k]
-                pushes[count, k] += force[0] * frame[j] * turn
-                shears[count, k] -= (force[1] * frame[3 + j] + force[2] * frame[6 + j]) * turn
-                points[count, k] += _MM * (contacts.points[row, j] - frames.origin[j]) * frames.rotation[j, k]
+        frame = sign * contacts.frames[row].reshape(3, 3) @ frames.rotation
+        pushes[count], shears[count] = force[0] * frame[0], -force[1] * frame[1] - force[2] * frame[2]
+        points[count] = _MM * (contacts.points[row] - frames.origin) @ frames.rotation
         forces[count], geoms[count] = force[0], contacts.places[second if ahead else first]
         count += 1
     return forces[:count], pushes[:count], shears[:count], points[:count], geoms[:count]
@@ -210,16 +207,10 @@ def group_contacts(forces: Reals, pushes: Reals, geoms: Ints) -> Ints:
 def pose_of(frames: Frames) -> Pose:
     """Put the frames of geoms into the pad's."""
     count = len(frames.geoms)
-    rotations, positions = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    for number in range(count):
-        geom = frames.geoms[number]
-        for i in range(3):
-            for k in range(3):
-                positions[number, i] += (
-                    _MM * frames.rotation[k, i] * (frames.positions[geom, k] - frames.origin[k])
-                )
-                for j in range(3):
-                    rotations[number, i, j] += frames.rotation[k, i] * frames.rotations[geom, 3 * k + j]
+    rotations, positions = np.empty((count, 3, 3)), np.empty((count, 3))
+    for i, geom in enumerate(frames.geoms):
+        rotations[i] = frames.rotation.T @ frames.rotations[geom].reshape(3, 3)
+        positions[i] = _MM * (frames.positions[geom] - frames.origin) @ frames.rotation
     return Pose(rotations, positions)
 
 
