@@ -106,6 +106,9 @@ def command(
             recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if ask else None)
             progress("map", 1, 1)
         hand = source if isinstance(source, HiddenObject) else None
+        if hand is None and correction is None:
+            untared = "no --calibration: if the pad never counts as lifted, `bench tare` makes one"
+            plain_console(stderr=True).print(untared, soft_wrap=True)
         leading = TouchLeader(recogniser, plan, source.pad, "information" if ask else "random", seed, hand)
         words = BeliefWords(leading, train, maps_of(made), source, seen == "behind")
         reader.on_reading, reader.on_tare = leading.take, leading.tared

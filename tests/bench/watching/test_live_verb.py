@@ -72,6 +72,15 @@ def test_ctrl_c_ends_it_cleanly(bench, scan_file):
     assert "Traceback" not in errors
 
 
+@pytest.mark.long
+def test_a_pad_without_a_calibration_is_said_to_lack_it(bench, scan_file):
+    with emulated(bench, "--port", "pty:pad", "--letter", "I") as name:
+        process = bench.start("live", "--port", name, "--train-scan", scan_file, *SMALL)
+        assert any("no --calibration: " in line and "`bench tare`" in line for line in process.stderr)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+
+
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
