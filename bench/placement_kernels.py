@@ -5,23 +5,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, types
 
-from tactsim.core.compiling import GIVEN_REALS, GIVEN_REALS_2D, REALS, Reals, compiled
+from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 
 
-@compiled(types.UniTuple(float64, 4)(GIVEN_REALS, float64, float64), called_from_python=False)
-def _placed(pose: Reals, centre_x: float, centre_y: float) -> tuple[float, float, float, float]:
+@compiled(called_from_python=False)
+def _placed(pose: GivenReals1D, centre_x: float, centre_y: float) -> tuple[float, float, float, float]:
     """Say where an object lies, T_O^R, for its pose T_R^O (3,): [x, y] of the centre, cosine and sine of the angle."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = centre_x - pose[0], centre_y - pose[1]
     return cos * x + sin * y, cos * y - sin * x, cos, -sin
 
 
-@compiled(REALS(GIVEN_REALS_2D, GIVEN_REALS_2D, int64, float64, float64, float64))
+@compiled()
 def distances(
-    estimated: Reals, true: Reals, symmetry: int, centre_x: float, centre_y: float, inertia_over_mass: float
-) -> Reals:
+    estimated: GivenReals2D,
+    true: GivenReals2D,
+    symmetry: int,
+    centre_x: float,
+    centre_y: float,
+    inertia_over_mass: float,
+) -> Reals1D:
     """Measure the distance between placements, mm: see `placement_error`.
 
     estimated: (n, 3) T_R^O, mm, mm, rad. true: (n, 3), or (1, 3) for all. The rest is what `Properties` hold.
@@ -46,8 +50,8 @@ def distances(
     return away
 
 
-@compiled(float64(REALS, GIVEN_REALS, float64))
-def radius(away: Reals, weights: Reals, share: float) -> float:
+@compiled()
+def radius(away: Reals1D, weights: GivenReals1D, share: float) -> float:
     """Find the least distance within which samples, `away` (n,) mm with weights (n,), hold a share of the weight."""
     left, weight = away.copy(), weights.copy()
     target, farthest = share * weights.sum(), away.max()

@@ -10,20 +10,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import boolean, float32, float64, int16, int32, int64, types, uint32, uint64, void
-from numpy.typing import NDArray
+from numba import float32, float64, int32, int64, uint32, uint64
 
-from tactsim.core.compiling import (
-    FLOATS,
-    FLOATS_2D,
-    INTS,
-    REALS,
-    REALS_2D,
-    Floats,
-    Ints,
-    Reals,
-    compiled,
-)
+from tactsim.core.compiling import Floats1D, Floats2D, Int16s1D, Int16s4D, Ints1D, Reals1D, Reals2D, compiled
 
 # How far one operation in float32 may be off, relative to its result.
 ROUNDING = 2.0**-23
@@ -47,27 +36,21 @@ class Terms(NamedTuple):
     """
 
     loads: int
-    start: Ints
-    kind: Ints
-    xy: Reals
-    weight: Floats
-    constant: Reals
-    upper: Reals
-    slack: Reals
-
-
-TERMS = types.NamedTuple((int64, INTS, INTS, REALS_2D, FLOATS, REALS_2D, REALS, REALS), Terms)
+    start: Ints1D
+    kind: Ints1D
+    xy: Reals2D
+    weight: Floats1D
+    constant: Reals2D
+    upper: Reals1D
+    slack: Reals1D
 
 
 class Ranges(NamedTuple):
     """What tables say: outside (tables, letters), lowest and highest (tables,), as in `tables.Tables`, nats."""
 
-    outside: Reals
-    lowest: Reals
-    highest: Reals
-
-
-RANGES = types.NamedTuple((REALS_2D, REALS, REALS), Ranges)
+    outside: Reals2D
+    lowest: Reals1D
+    highest: Reals1D
 
 
 class Named(NamedTuple):
@@ -76,13 +59,10 @@ class Named(NamedTuple):
     end: (loads,) where the terms of each load end.
     """
 
-    table: Ints
-    taxel: Ints
-    weight: Floats
-    end: Ints
-
-
-NAMED = types.NamedTuple((INTS, INTS, FLOATS, INTS), Named)
+    table: Ints1D
+    taxel: Ints1D
+    weight: Floats1D
+    end: Ints1D
 
 
 class Sampled(NamedTuple):
@@ -92,12 +72,9 @@ class Sampled(NamedTuple):
     [x, y] of node (0, 0), then the step in x and y, mm.
     """
 
-    nodes: NDArray[np.int16]
+    nodes: Int16s4D
     unit: float
-    lattice: Reals
-
-
-SAMPLED = types.NamedTuple((int16[:, :, :, ::1], float64, REALS), Sampled)
+    lattice: Reals1D
 
 
 class Lattice(NamedTuple):
@@ -109,17 +86,16 @@ class Lattice(NamedTuple):
     (0, 0) less that of node (0, 0), then the bins' spacing in x and y, mm.
     """
 
-    nodes: NDArray[np.int16]
+    nodes: Int16s1D
     unit: float
-    shape: Ints
-    place: Reals
+    shape: Ints1D
+    place: Reals1D
 
 
-LATTICE = types.NamedTuple((int16[::1], float64, INTS, REALS), Lattice)
-
-
-@compiled(boolean(TERMS, int64, NAMED, REALS_2D, REALS, RANGES))
-def record(terms: Terms, reading: int, named: Named, taxel_xy: Reals, pose: Reals, ranges: Ranges) -> bool:
+@compiled()
+def record(
+    terms: Terms, reading: int, named: Named, taxel_xy: Reals2D, pose: Reals1D, ranges: Ranges
+) -> bool:
     """Append a reading's terms, taken at the pose sensor_in_robot; the arrays must have room.
 
     Returns False, and appends nothing, if a table or taxel does not exist or a weight is negative or not finite.
@@ -152,9 +128,9 @@ def record(terms: Terms, reading: int, named: Named, taxel_xy: Reals, pose: Real
     return True
 
 
-@compiled(void(REALS, REALS_2D, INTS, TERMS, int64, int64, SAMPLED))
+@compiled()
 def replay(
-    log_p: Reals, state: Reals, letter: Ints, terms: Terms, first: int, last: int, sampled: Sampled
+    log_p: Reals1D, state: Reals2D, letter: Ints1D, terms: Terms, first: int, last: int, sampled: Sampled
 ) -> None:
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
@@ -233,9 +209,9 @@ def replay(
                     log_p[block + k] += value
 
 
-@compiled(void(FLOATS_2D, LATTICE, TERMS, int64, int64, float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def sum_plane(
-    total: Floats, lattice: Lattice, terms: Terms, reading: int, letter: int, cos: float, sin: float
+    total: Floats2D, lattice: Lattice, terms: Terms, reading: int, letter: int, cos: float, sin: float
 ) -> None:
     """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
 

@@ -15,21 +15,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float32, int64, uint64, void
+from numba import float32, int64, uint64
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import (
-    FLOATS_2D,
-    FLOATS_3D,
-    FLOATS_4D,
-    INTS,
-    REALS,
-    REALS_2D,
-    Floats,
-    Ints,
-    Reals,
-    compiled,
-)
+from tactsim.core.compiling import Floats2D, Floats3D, Floats4D, Ints1D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.tables import tabulate
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
@@ -40,14 +29,10 @@ _DRAWN = 64  # of them, those for which a reading is drawn too
 _SIFT = 4
 
 
-@compiled(
-    void(FLOATS_2D, REALS, INTS, INTS, REALS_2D, REALS_2D, FLOATS_4D,
-         REALS, FLOATS_3D),
-    ordered=False,
-)  # fmt: skip
+@compiled(ordered=False)
 def foresee(
-    log_p: Floats, pose: Reals, drawn: Ints, letter: Ints, state: Reals, taxel_xy: Reals, nodes: Floats,
-    lattice: Reals, chance: Floats,
+    log_p: Floats2D, pose: Reals1D, drawn: Ints1D, letter: Ints1D, state: Reals2D, taxel_xy: Reals2D, nodes: Floats4D,
+    lattice: Reals1D, chance: Floats3D,
 ) -> None:  # fmt: skip
     """Draw a reading at a sensor pose for some states s, and find log p of it for every state t: log_p[s, t].
 

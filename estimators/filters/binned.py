@@ -12,14 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_4D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, Reals4D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.field.kernels import LANES, LATTICE, TERMS, Lattice, Terms, sum_plane
+from tactsim.estimators.field.kernels import LANES, Lattice, Terms, sum_plane
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import Weights, pose_samples
 
@@ -36,16 +35,13 @@ class Belief(NamedTuple):
     plane. seen: (letters, angles).
     """
 
-    log_p: Reals
-    peak: Reals
-    seen: Ints
+    log_p: Reals4D
+    peak: Reals2D
+    seen: Ints2D
 
 
-BELIEF = types.NamedTuple((REALS_4D, REALS_2D, INTS_2D), Belief)
-
-
-@compiled(void(REALS, float64), called_from_python=False)
-def replace_least(kept: Reals, value: float) -> None:
+@compiled(called_from_python=False)
+def replace_least(kept: Reals1D, value: float) -> None:
     """Put a value in the place of the least of `kept` if it is higher.
 
     kept: (n,) the highest so far, a heap: [i] is not above [2 i + 1] and [2 i + 2].
@@ -64,13 +60,9 @@ def replace_least(kept: Reals, value: float) -> None:
     kept[place] = value
 
 
-@compiled(
-    types.Tuple((int64, float64, float64))(
-        BELIEF, LATTICE, TERMS, REALS_2D, int64, boolean, int64, float64
-    )
-)  # fmt: skip
+@compiled()
 def advance(
-    belief: Belief, lattice: Lattice, terms: Terms, turns: Reals, count: int, skip: bool, keep: int, within: float
+    belief: Belief, lattice: Lattice, terms: Terms, turns: Reals2D, count: int, skip: bool, keep: int, within: float
 ) -> tuple[int, float, float]:  # fmt: skip
     """Bring the bins up to date that can matter after `count` readings (eq. 13, in logs).
 
@@ -114,8 +106,8 @@ def advance(
     return evaluated, best, least
 
 
-@compiled(void(BELIEF, int64, float64, float64, REALS, INTS))
-def summarise(belief: Belief, count: int, best: float, least: float, mass: Reals, mode: Ints) -> None:
+@compiled()
+def summarise(belief: Belief, count: int, best: float, least: float, mass: Reals1D, mode: Ints1D) -> None:
     """Sum the belief of each letter (eq. 14) and find its best bin (eq. 15), after `count` readings.
 
     Bins below `least` are left out. Fills mass (letters,), relative to a bin with log-belief `best`, and mode
@@ -136,8 +128,8 @@ def summarise(belief: Belief, count: int, best: float, least: float, mass: Reals
                             highest, mode[letter] = value, (angle * rows + row) * columns + column
 
 
-@compiled(types.Tuple((INTS, REALS))(BELIEF, int64, float64, int64, int64))
-def bins_from(belief: Belief, count: int, least: float, first: int, last: int) -> tuple[Ints, Reals]:
+@compiled()
+def bins_from(belief: Belief, count: int, least: float, first: int, last: int) -> tuple[Ints1D, Reals1D]:
     """List the bins of letters first, ..., last - 1, up to date after `count` readings, from log-belief `least` on.
 
     Returns flat indices into (letters, angles, rows, columns), ascending, and log-beliefs.

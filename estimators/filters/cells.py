@@ -8,12 +8,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int64, types, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.kernels import SAMPLED, TERMS, Sampled, Terms, replay
+from tactsim.estimators.field.kernels import Sampled, Terms, replay
 from tactsim.estimators.filters.grid import StateGrid
 
 
@@ -25,17 +24,11 @@ class History(NamedTuple):
     readings: int
 
 
-HISTORY = types.NamedTuple((TERMS, SAMPLED, int64), History)
-
-
 class Bins(NamedTuple):
     """The grid that is halved: its columns, rows and angles, and the spacing of its bins, mm, mm, rad; centred at 0."""
 
-    counts: Ints
-    spacing: Reals
-
-
-BINS = types.NamedTuple((INTS, REALS), Bins)
+    counts: Ints1D
+    spacing: Reals1D
 
 
 class Halved(NamedTuple):
@@ -46,13 +39,10 @@ class Halved(NamedTuple):
     log_p: (sizes, 8 * n) their log-beliefs. Only the first `number` cells of a size are filled.
     """
 
-    number: Ints
-    cell: Ints
-    half: Ints
-    log_p: Reals
-
-
-HALVED = types.NamedTuple((INTS, INTS_2D, INTS_2D, REALS_2D), Halved)
+    number: Ints1D
+    cell: Ints2D
+    half: Ints2D
+    log_p: Reals2D
 
 
 class Limits(NamedTuple):
@@ -70,9 +60,6 @@ class Limits(NamedTuple):
     skip: bool
 
 
-LIMITS = types.NamedTuple((int64, int64, int64, float64, boolean), Limits)
-
-
 def blank_halved(limits: Limits) -> Halved:
     """Make room for the cells that are halved, none so far."""
     sizes, cells = limits.most, limits.cells
@@ -84,7 +71,7 @@ def blank_halved(limits: Limits) -> Halved:
     )
 
 
-@compiled(types.UniTuple(int64, 4)(int64, int64, int64, int64), called_from_python=False)
+@compiled(called_from_python=False)
 def unravelled(index: int, columns: int, rows: int, angles: int) -> tuple[int, int, int, int]:
     """Find letter, angle, row and column of a flat index into the (letters, angles, rows, columns) of a grid."""
     rest, column = divmod(index, columns)
@@ -93,8 +80,8 @@ def unravelled(index: int, columns: int, rows: int, angles: int) -> tuple[int, i
     return letter, angle, row, column
 
 
-@compiled(void(REALS_2D, INTS, INTS, INTS, BINS))
-def middles(state: Reals, letter: Ints, times: Ints, index: Ints, bins: Bins) -> None:
+@compiled()
+def middles(state: Reals2D, letter: Ints1D, times: Ints1D, index: Ints1D, bins: Bins) -> None:
     """Find T_R^O in the middle of cells, and their letters; fills state (3, n) mm, mm, rad, and letter (n,).
 
     times: (n,) how often bins of a grid were halved. index: (n,) flat, into the (letters, angles, rows, columns) of the
@@ -110,8 +97,8 @@ def middles(state: Reals, letter: Ints, times: Ints, index: Ints, bins: Bins) ->
         state[2, k] = (angle + 0.5 - angles / 2) * size * spacing[2]
 
 
-@compiled(void(INTS, REALS_2D, INTS, INTS, int64, BINS), called_from_python=False)
-def halve(half: Ints, state: Reals, letter: Ints, cell: Ints, times: int, bins: Bins) -> None:
+@compiled(called_from_python=False)
+def halve(half: Ints1D, state: Reals2D, letter: Ints1D, cell: Ints1D, times: int, bins: Bins) -> None:
     """Find the eight halves of each of n cells, their middles and their letters.
 
     cell: flat indices into a grid that was halved `times` times. Fills half (8 * n,), flat indices into the grid halved
@@ -135,7 +122,7 @@ def halve(half: Ints, state: Reals, letter: Ints, cell: Ints, times: int, bins: 
             state[2, k] = (turn + 0.5 - angles) * size * bins.spacing[2]
 
 
-@compiled(int64(HALVED, HALVED, int64, boolean, HISTORY, BINS), called_from_python=False)
+@compiled(called_from_python=False)
 def evaluate(now: Halved, before: Halved, times: int, skip: bool, history: History, bins: Bins) -> int:
     """Find the log-beliefs of the halves of all cells of one size, and return how many of the cells were known.
 
@@ -167,8 +154,8 @@ def evaluate(now: Halved, before: Halved, times: int, skip: bool, history: Histo
     return known
 
 
-@compiled(float64(REALS, float64), called_from_python=False)
-def effective(log_p: Reals, weight: float) -> float:
+@compiled(called_from_python=False)
+def effective(log_p: Reals1D, weight: float) -> float:
     """Give the effective sample size of log-weights (n,), each times a weight; 0 of none."""
     if len(log_p) == 0:
         return 0.0
@@ -180,8 +167,8 @@ def effective(log_p: Reals, weight: float) -> float:
     return total * total / squares
 
 
-@compiled(float64(REALS, int64))
-def least_chosen(values: Reals, count: int) -> float:
+@compiled()
+def least_chosen(values: Reals1D, count: int) -> float:
     """Give what the `count` highest values (n,) are all above; -inf if there are no more than so many.
 
     Values that are equal are all among them, or none is: of letters that look alike none may be preferred. So there may
@@ -191,21 +178,17 @@ def least_chosen(values: Reals, count: int) -> float:
     return -np.inf if next_one < 0 else np.partition(values, next_one)[next_one]
 
 
-@compiled(
-    types.Tuple((INTS, INTS, REALS, int64, int64))(
-        INTS, REALS, LIMITS, float64, HISTORY, BINS, HALVED, HALVED
-    )
-)
+@compiled()
 def refine(
-    cell: Ints,
-    log_p: Reals,
+    cell: Ints1D,
+    log_p: Reals1D,
     limits: Limits,
     weight: float,
     history: History,
     bins: Bins,
     before: Halved,
     now: Halved,
-) -> tuple[Ints, Ints, Reals, int, int]:
+) -> tuple[Ints1D, Ints1D, Reals1D, int, int]:
     """Halve the best of cells, the best of their halves, and so on.
 
     cell, log_p: (n,) bins of a grid and their log-beliefs after all readings, each of which counts `weight`. before:
@@ -244,8 +227,10 @@ def refine(
     return end[: times + 1], left[:filled], left_log_p[:filled], evaluated, unreplayed
 
 
-@compiled(types.Tuple((INTS, INTS, REALS))(INTS, INTS, REALS, float64, float64))
-def held(end: Ints, cell: Ints, log_p: Reals, weight: float, negligible: float) -> tuple[Ints, Ints, Reals]:
+@compiled()
+def held(
+    end: Ints1D, cell: Ints1D, log_p: Reals1D, weight: float, negligible: float
+) -> tuple[Ints1D, Ints1D, Reals1D]:
     """List the cells that `refine` left and that hold a part of the belief.
 
     A cell holds its likelihood, log_p times `weight`, times its volume. Those `negligible` nats or more below the

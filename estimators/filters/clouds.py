@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import float64, void
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.states import Weights, highest_power
@@ -237,9 +236,15 @@ def _gaps(place: FloatArray, around: float, nearest: int) -> FloatArray:
     return np.asarray(np.sqrt(np.partition((step**2).sum(axis=-1), nearest, axis=1)[:, nearest]), dtype=float)
 
 
-@compiled(void(REALS_2D, REALS_2D, REALS_2D, REALS, REALS, INTS, float64))
+@compiled()
 def add_densities(
-    density: Reals, place: Reals, centre: Reals, weight: Reals, variance: Reals, mixture: Ints, around: float
+    density: Reals2D,
+    place: Reals2D,
+    centre: Reals2D,
+    weight: Reals1D,
+    variance: Reals1D,
+    mixture: Ints1D,
+    around: float,
 ) -> None:
     """Add the densities of several mixtures of round normal distributions.
 

@@ -12,13 +12,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float32, float64, int8, int32, int64, types, uint64, void
-from numpy.typing import NDArray
+from numba import float32, int64, uint64
 
-from tactsim.core.compiling import FLOATS, INTS, REALS, Floats, Ints, Reals, compiled
+from tactsim.core.compiling import Floats1D, Int8s5D, Int32s1D, Ints1D, Reals1D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.field.kernels import ROUNDING, SAMPLED, TERMS, Sampled, Terms, replay
+from tactsim.estimators.field.kernels import ROUNDING, Sampled, Terms, replay
 from tactsim.estimators.filters.grid import StateGrid
 
 # Nats; bins that are as near to the last one listed are listed too.
@@ -39,13 +38,10 @@ class Levels(NamedTuple):
     bins' spacing in x and y, mm.
     """
 
-    level: NDArray[np.int8]
+    level: Int8s5D
     step: float
     letters: int
-    place: Reals
-
-
-LEVELS = types.NamedTuple((int8[:, :, :, :, ::1], float64, int64, REALS), Levels)
+    place: Reals1D
 
 
 class Coarse(NamedTuple):
@@ -56,14 +52,11 @@ class Coarse(NamedTuple):
     rad.
     """
 
-    upper: Reals
-    log_p: Reals
-    seen: NDArray[np.int32]
-    counts: Ints
-    middle: Reals
-
-
-COARSE = types.NamedTuple((REALS, REALS, int32[::1], INTS, REALS), Coarse)
+    upper: Reals1D
+    log_p: Reals1D
+    seen: Int32s1D
+    counts: Ints1D
+    middle: Reals1D
 
 
 def levels_of(field: LikelihoodField, first: FloatArray, spacing: FloatArray) -> Levels:
@@ -91,7 +84,7 @@ def levels_of(field: LikelihoodField, first: FloatArray, spacing: FloatArray) ->
     return Levels(level, tables.unit * step, letters, place)
 
 
-@compiled(float64(LEVELS, TERMS, int64, int64, int64), called_from_python=False)
+@compiled(called_from_python=False)
 def place_rounding(levels: Levels, terms: Terms, reading: int, rows: int, columns: int) -> float:
     """Bound by how many nodes along an axis `replay`, in float32, may misplace what one of rows x columns bins reads.
 
@@ -111,8 +104,8 @@ def place_rounding(levels: Levels, terms: Terms, reading: int, rows: int, column
     return 2.5 * ROUNDING * most
 
 
-@compiled(void(REALS, FLOATS, REALS), ordered=False, called_from_python=False)
-def raise_to(most: Reals, total: Floats, constant: Reals) -> None:
+@compiled(ordered=False, called_from_python=False)
+def raise_to(most: Reals1D, total: Floats1D, constant: Reals1D) -> None:
     """Raise what a reading gives bins (n,) to total (n,) and, in each row, constant (columns * letters,)."""
     width = len(constant)
     for first in range(0, len(most), width):
@@ -120,7 +113,7 @@ def raise_to(most: Reals, total: Floats, constant: Reals) -> None:
             most[first + k] = max(most[first + k], total[first + k] + constant[k])
 
 
-@compiled(void(COARSE, LEVELS, TERMS, int64))
+@compiled()
 def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> None:
     """Let the upper bounds of all bins take in a reading. Of several loads the likeliest bounds their mean."""
     letters, angles, rows, columns = coarse.counts
@@ -172,8 +165,8 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
             upper[k] += most[k]
 
 
-@compiled(int64(COARSE, INTS, TERMS, SAMPLED, int64))
-def evaluate_bins(coarse: Coarse, place: Ints, terms: Terms, sampled: Sampled, count: int) -> int:
+@compiled()
+def evaluate_bins(coarse: Coarse, place: Ints1D, terms: Terms, sampled: Sampled, count: int) -> int:
     """Let bins take in all of `count` readings; their bounds are then what they have.
 
     place: (n,) flat indices. Returns how many times a bin took in a reading.

@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numba import float64, types
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.core.forward import ForwardModel, Linearised
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.modes import sensor_motion
@@ -90,10 +89,10 @@ def expand(
     )
 
 
-@compiled(types.Tuple((REALS, REALS_2D, REALS_3D))(REALS_2D, INTS, REALS_2D, REALS_3D, REALS_3D, float64))
+@compiled()
 def log_gaussian(
-    reading: Reals, which: Ints, mean: Reals, by_pose: Reals, nuisance: Reals, noise: float
-) -> tuple[Reals, Reals, Reals]:
+    reading: Reals2D, which: Ints1D, mean: Reals2D, by_pose: Reals3D, nuisance: Reals3D, noise: float
+) -> tuple[Reals1D, Reals2D, Reals3D]:
     """Expand log N(z; mean, noise^2 1 + nuisance.T nuisance) in the pose, to second order, for n predictions.
 
     reading: (m, taxels) kPa, of which prediction i is compared with number which[i]. mean: (n, taxels), by_pose:

@@ -11,18 +11,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64
 
-from tactsim.core.compiling import INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
-from tactsim.estimators.field.kernels import SAMPLED, TERMS, Sampled, Terms, replay
+from tactsim.core.compiling import Ints2D, Reals1D, Reals2D, compiled
+from tactsim.estimators.field.kernels import Sampled, Terms, replay
 from tactsim.estimators.filters.placement import inverse
 
 # Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
 _NEGLIGIBLE = 12.0
 
 
-@compiled(float64(REALS_2D, REALS, REALS_2D))
-def influence(log_p: Reals, weight: Reals, place: Reals) -> float:
+@compiled()
+def influence(log_p: Reals2D, weight: Reals1D, place: Reals2D) -> float:
     """Average over readings the squared move of the mean, in units of the belief's variance; nan if it has none.
 
     log_p: (readings, n) of states. weight: (n,) of the states in the belief, of any unit. place: (2, n) of the object,
@@ -52,8 +51,8 @@ def influence(log_p: Reals, weight: Reals, place: Reals) -> float:
     return squared / (2 * len(log_p))
 
 
-@compiled(float64(REALS_2D, int64, TERMS, int64, int64, SAMPLED))
-def influence_at(state: Reals, letter: int, terms: Terms, first: int, last: int, sampled: Sampled) -> float:
+@compiled()
+def influence_at(state: Reals2D, letter: int, terms: Terms, first: int, last: int, sampled: Sampled) -> float:
     """Compute `influence` of readings first, ..., last - 1 on a belief of equally probable states of one letter.
 
     state: (3, n) T_R^O mm, mm, rad. Other arguments as for `replay`.
@@ -68,9 +67,15 @@ def influence_at(state: Reals, letter: int, terms: Terms, first: int, last: int,
     return influence(log_p, weight, place)
 
 
-@compiled(float64(REALS_2D, INTS_2D, INTS_2D, REALS_2D, float64, REALS, REALS_2D))
+@compiled()
 def influence_in_sequences(
-    log_p: Reals, drawn: Ints, mirrored: Ints, sums: Reals, weight: float, log_volume: Reals, shift: Reals
+    log_p: Reals2D,
+    drawn: Ints2D,
+    mirrored: Ints2D,
+    sums: Reals2D,
+    weight: float,
+    log_volume: Reals1D,
+    shift: Reals2D,
 ) -> float:
     """Average `influence` over sequences of readings drawn from log p (readings, moves).
 

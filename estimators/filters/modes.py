@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, types, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, REALS_4D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, Reals4D, compiled
 from tactsim.core.poses import FloatArray
 
 _OF_READINGS = ("at", "log_p", "gradient", "information")
@@ -204,28 +203,22 @@ def sensor_motion(state: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
 class Gaussians(NamedTuple):
     """n weighted Gaussians: mean (n, 3), cov (n, 3, 3), log_weight (n,)."""
 
-    mean: Reals
-    cov: Reals
-    log_weight: Reals
-
-
-GAUSSIANS = types.NamedTuple((REALS_2D, REALS_3D, REALS), Gaussians)
+    mean: Reals2D
+    cov: Reals3D
+    log_weight: Reals1D
 
 
 class Expansions(NamedTuple):
     """The log-likelihoods of k readings around n states, to the second order, as `Modes` holds them."""
 
-    at: Reals
-    log_p: Reals
-    gradient: Reals
-    information: Reals
+    at: Reals3D
+    log_p: Reals2D
+    gradient: Reals3D
+    information: Reals4D
 
 
-EXPANSIONS = types.NamedTuple((REALS_3D, REALS_2D, REALS_3D, REALS_4D), Expansions)
-
-
-@compiled(float64(REALS_2D, REALS_2D), called_from_python=False)
-def invert_3(matrix: Reals, inverse: Reals) -> float:
+@compiled(called_from_python=False)
+def invert_3(matrix: Reals2D, inverse: Reals2D) -> float:
     """Invert a symmetric positive definite matrix (3, 3); returns its determinant."""
     a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
@@ -240,9 +233,9 @@ def invert_3(matrix: Reals, inverse: Reals) -> float:
     return determinant
 
 
-@compiled(void(GAUSSIANS, EXPANSIONS, REALS, REALS_2D, boolean, GAUSSIANS))
+@compiled()
 def solve_modes(
-    prior: Gaussians, readings: Expansions, floor: Reals, now: Reals, doubt: bool, result: Gaussians
+    prior: Gaussians, readings: Expansions, floor: Reals1D, now: Reals2D, doubt: bool, result: Gaussians
 ) -> None:
     """Multiply the Gaussian priors of n modes with the expanded likelihoods of k readings; fills result.
 

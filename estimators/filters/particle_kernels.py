@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import float64, void
-
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, compiled
 
 
-@compiled(void(INTS, REALS, REALS))
-def draw(chosen: Ints, weight: Reals, spacing: Reals) -> None:
+@compiled()
+def draw(chosen: Ints1D, weight: Reals1D, spacing: Reals1D) -> None:
     """Choose indices with probability proportional to their weights, with replacement; ascending.
 
     chosen: (draws,) is overwritten. weight: (n,). spacing: (draws + 1,) exponential random numbers: their running sums,
@@ -27,8 +25,10 @@ def draw(chosen: Ints, weight: Reals, spacing: Reals) -> None:
         chosen[i] = index
 
 
-@compiled(void(REALS_2D, REALS_2D, INTS, REALS_2D, REALS, float64))
-def move(state: Reals, before: Reals, chosen: Ints, normal: Reals, noise: Reals, reach: float) -> None:
+@compiled()
+def move(
+    state: Reals2D, before: Reals2D, chosen: Ints1D, normal: Reals2D, noise: Reals1D, reach: float
+) -> None:
     """Copy the chosen states and corrupt them with noise (command update); x and y stay within reach.
 
     state: (3, draws) T_R^O is overwritten. before: (3, n). chosen: (draws,) indices into it. normal: (3, draws) normal

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, void
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Bools1D, Ints1D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
 
 # The grid on which the paper evaluates the density of eq. 11: mm, mm, rad.
@@ -83,8 +82,8 @@ def _columns(place: FloatArray, weight: FloatArray, rho: float) -> tuple[NDArray
     return np.stack([x, y], axis=1) + first, bound[y, x]
 
 
-@compiled(void(REALS_2D, REALS_2D, REALS, INTS, float64), ordered=False)
-def add_bounds(bound: Reals, place: Reals, weight: Reals, first: Ints, rho: float) -> None:
+@compiled(ordered=False)
+def add_bounds(bound: Reals2D, place: Reals2D, weight: Reals1D, first: Ints1D, rho: float) -> None:
     """Add the weighted cones of particles to the upper bounds of columns, as if they had the angle of each node.
 
     bound: (rows, columns) from the node first = [column, row], before all that a cone reaches, to one after them.
@@ -102,9 +101,9 @@ def add_bounds(bound: Reals, place: Reals, weight: Reals, first: Ints, rho: floa
                 bound[row, column] += weight[i] * max(0.0, 1 - away / radius)
 
 
-@compiled(void(REALS, boolean[::1], REALS, REALS_2D, REALS, float64), ordered=False)
+@compiled(ordered=False)
 def sum_column(
-    density: Reals, summed: NDArray[np.bool_], column: Reals, state: Reals, weight: Reals, rho: float
+    density: Reals1D, summed: Bools1D, column: Reals1D, state: Reals2D, weight: Reals1D, rho: float
 ) -> None:
     """Sum the weighted cones (eq. 10, 11) of particles at the nodes of a column, around the circle.
 

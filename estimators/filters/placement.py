@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, types
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, compiled
 
 # The mean is over states whose placement is at most this far from the mode's: mm, in the metric of the placement
 # error for a radius of gyration of 8 mm. Only the choice of the neighbourhood depends on that radius.
@@ -20,22 +19,22 @@ _NEIGHBOURS, _RESOLVED = 3, 1 / 8
 _TINY = float(np.finfo(float).tiny)
 
 
-@compiled(float64(float64), called_from_python=False)
+@compiled(called_from_python=False)
 def _wrapped(angle: float) -> float:
     """Fold an angle into [-pi, pi), as `core.wrap_angle` does."""
     folded = (angle + math.pi) % (2 * math.pi) - math.pi
     return folded if folded < math.pi else -math.pi
 
 
-@compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
     """Invert a transform, as `core.invert` does."""
     cos, sin = math.cos(angle), math.sin(angle)
     return -cos * x - sin * y, sin * x - cos * y, _wrapped(-angle)
 
 
-@compiled(REALS(REALS_2D, REALS, int64))
-def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
+@compiled()
+def mean_around(state: Reals2D, weight: Reals1D, mode: int) -> Reals1D:
     """Average the object's placement over the states near the one of index `mode`: robot_in_object (3,).
 
     state: (3, n) T_R^O mm, mm, rad of one letter. weight: (n,) of any unit. Placements, not states, are averaged,
@@ -59,8 +58,8 @@ def mean_around(state: Reals, weight: Reals, mode: int) -> Reals:
     return np.array(inverse(sum_x / total, sum_y / total, mode_angle + near_turn / near))
 
 
-@compiled(REALS(REALS_2D, REALS, REALS_2D, int64), called_from_python=False)
-def _unresolved(state: Reals, weight: Reals, size: Reals, densest: int) -> Reals:
+@compiled(called_from_python=False)
+def _unresolved(state: Reals2D, weight: Reals1D, size: Reals2D, densest: int) -> Reals1D:
     """Tell along which axes a belief is no wider than its cells are: (3,), 1 there and 0 elsewhere.
 
     Looks at the cells of the densest one's size that are at most three cells from it along every axis. Arguments as for
@@ -86,10 +85,10 @@ def _unresolved(state: Reals, weight: Reals, size: Reals, densest: int) -> Reals
     return unresolved
 
 
-@compiled(types.Tuple((REALS_2D, REALS))(REALS_2D, REALS, REALS_2D, REALS_2D, float64))
+@compiled()
 def samples_of_cells(
-    state: Reals, weight: Reals, size: Reals, corners: Reals, spread: float
-) -> tuple[Reals, Reals]:
+    state: Reals2D, weight: Reals1D, size: Reals2D, corners: Reals2D, spread: float
+) -> tuple[Reals2D, Reals1D]:
     """List poses that stand for cells: the middle of one that weighs at most `spread`, eight poses of another.
 
     Cells as small as the densest one keep to their middle along an axis along which they resolve the belief: sums over

@@ -8,10 +8,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, types
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS_2D, INTS, REALS, REALS_2D, Floats, Ints, Reals, compiled
+from tactsim.core.compiling import Bools1D, Floats2D, Ints1D, Reals1D, Reals2D, compiled
 from tactsim.core.forward import ForwardModel, Linearised
 from tactsim.core.poses import FloatArray
 
@@ -152,15 +151,11 @@ def _spread(predicted: Linearised, spacing: FloatArray, noise: float) -> FloatAr
     return noise**2 + spread / predicted.mean.shape[1]
 
 
-@compiled(
-    types.Tuple((INTS, boolean[::1], REALS_2D, REALS))(
-        FLOATS_2D, REALS, REALS, REALS_2D, REALS, FLOATS_2D, REALS, float64
-    )
-)
+@compiled()
 def score_places(
-    mean: Floats, precision: Reals, log_height: Reals, xy: Reals, angle: Reals,
-    reading: Floats, sensor_in_robot: Reals, reach: float,
-) -> tuple[Ints, NDArray[np.bool_], Reals, Reals]:  # fmt: skip
+    mean: Floats2D, precision: Reals1D, log_height: Reals1D, xy: Reals2D, angle: Reals1D,
+    reading: Floats2D, sensor_in_robot: Reals1D, reach: float,
+) -> tuple[Ints1D, Bools1D, Reals2D, Reals1D]:  # fmt: skip
     """Score the poses of a bank at which T_R^O has x and y within `reach` mm, as `Places`.
 
     The density of a reading at each pose is normal, its errors independent and alike over the taxels. mean: (m * k,

@@ -24,11 +24,10 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numba import boolean, float64
 from numpy.typing import NDArray
 
 from tactsim.core import Scan
-from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.jackknife import influence_in_sequences
@@ -229,8 +228,8 @@ def _sequences(
     return drawn, rng.integers(2, size=drawn.shape)
 
 
-@compiled(REALS_2D(REALS_2D, INTS_2D, INTS_2D))
-def sums_of_readings(log_p: Reals, drawn: Ints, mirrored: Ints) -> Reals:
+@compiled()
+def sums_of_readings(log_p: Reals2D, drawn: Ints2D, mirrored: Ints2D) -> Reals2D:
     """Sum log p (readings, moves) over the readings that are drawn (sequences, count): (sequences, moves).
 
     In a mirrored (sequences, count) reading, 1 and not 0, every move is the other way: moves come in two halves.
@@ -249,9 +248,9 @@ def sums_of_readings(log_p: Reals, drawn: Ints, mirrored: Ints) -> Reals:
     return sums
 
 
-@compiled(boolean(REALS_2D, INTS, float64, REALS, REALS_2D, float64), ordered=False, summed_in_order=False)
+@compiled(ordered=False, summed_in_order=False)
 def mostly_held(
-    log_p: Reals, order: Ints, weight: float, log_volume: Reals, shift: Reals, share: float
+    log_p: Reals2D, order: Ints1D, weight: float, log_volume: Reals1D, shift: Reals2D, share: float
 ) -> bool:
     """Tell whether in more than a share of sequences the region with that share of the belief holds no move at all.
 

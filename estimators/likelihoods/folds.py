@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import boolean, float64
 from numpy.typing import NDArray
 
 from tactsim.core import Scan, transform
-from tactsim.core.compiling import INTS, REALS, Ints, Reals, compiled
+from tactsim.core.compiling import Bools1D, Ints1D, Reals1D, compiled
 from tactsim.core.poses import FloatArray
 
 # As many parts; each is predicted from the rest.
@@ -172,8 +171,8 @@ def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:
     return near
 
 
-@compiled(boolean[::1](REALS, REALS, INTS, float64))
-def near_another_part(x: Reals, y: Reals, part: Ints, near: float) -> NDArray[np.bool_]:
+@compiled()
+def near_another_part(x: Reals1D, y: Reals1D, part: Ints1D, near: float) -> Bools1D:
     """Tell which points (n,) lie less than `near` from a point of another part.
 
     x, y: (n,), in order of x. part: (n,).

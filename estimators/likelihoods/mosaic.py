@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import float64, void
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.occupancy import point_spread
 
@@ -117,9 +116,9 @@ def learn_with_spread(xy: FloatArray, values: FloatArray, weight: FloatArray, gr
     return LearnedMosaic(Mosaic(grid.origin, grid.cell, grid.sigma, plane), spread)
 
 
-@compiled(void(REALS_3D, REALS_2D, REALS, REALS, float64, float64))
+@compiled()
 def add_moments(
-    moments: Reals, place: Reals, weight: Reals, value: Reals, sigma: float, reach: float
+    moments: Reals3D, place: Reals2D, weight: Reals1D, value: Reals1D, sigma: float, reach: float
 ) -> None:
     """Add what taxels give to the normal equations of a plane around every node near them.
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numba import float64, void
 from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import InputError, Scan, transform
-from tactsim.core.compiling import REALS_2D, Reals, compiled
+from tactsim.core.compiling import Reals2D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
 from tactsim.estimators.options import MapOptions
@@ -170,9 +169,9 @@ def sigmoid(values: ArrayLike) -> FloatArray:
     return np.where(np.asarray(values) >= 0, 1.0, falling) / (1 + falling)
 
 
-@compiled(void(REALS_2D, REALS_2D, float64, float64, float64, float64, float64))
+@compiled()
 def stamp(
-    evidence: Reals, centres: Reals, sigma: float, peak: float, reach: float, above: float, below: float
+    evidence: Reals2D, centres: Reals2D, sigma: float, peak: float, reach: float, above: float, below: float
 ) -> None:
     """Add log (1 + above G') / (1 + below G') of eq. 4 to the cells (rows, columns) around taxels.
 

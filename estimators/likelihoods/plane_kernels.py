@@ -6,17 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, types, void
 
-from tactsim.core.compiling import (
-    GIVEN_REALS,
-    GIVEN_REALS_2D,
-    REALS,
-    REALS_2D,
-    REALS_3D,
-    Reals,
-    compiled,
-)
+from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, Reals2D, Reals3D, compiled
 
 # Passes in which the plane of a reading, and where it is below 0, are found.
 _PASSES = 3
@@ -29,25 +20,19 @@ class PressureModel(NamedTuple):
     q and r.
     """
 
-    gain: Reals
-    plane: Reals
-    parts: Reals
-    prior: Reals
-
-
-PRESSURE_MODEL = types.NamedTuple((REALS, REALS_2D, REALS, REALS), PressureModel)
+    gain: Reals1D
+    plane: Reals2D
+    parts: Reals1D
+    prior: Reals1D
 
 
 class Plane(NamedTuple):
     """What was fitted to one reading: coefficients (3,) p, q, r; pressure, variance, error (taxels,) as in `Planes`."""
 
-    coefficients: Reals
-    pressure: Reals
-    variance: Reals
-    error: Reals
-
-
-PLANE = types.NamedUniTuple(REALS, 4, Plane)
+    coefficients: Reals1D
+    pressure: Reals1D
+    variance: Reals1D
+    error: Reals1D
 
 
 class Planes(NamedTuple):
@@ -57,29 +42,23 @@ class Planes(NamedTuple):
     last pass, and error: (n, taxels) kPa, in it. misfit: (n,) nats.
     """
 
-    coefficients: Reals
-    pressure: Reals
-    variance: Reals
-    error: Reals
-    misfit: Reals
-
-
-PLANES = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Planes)
+    coefficients: Reals2D
+    pressure: Reals2D
+    variance: Reals2D
+    error: Reals2D
+    misfit: Reals1D
 
 
 class Nodes(NamedTuple):
     """The nodes of a `Mosaic`: plane (rows, columns, 3), origin (2,) mm, cell mm."""
 
-    plane: Reals
-    origin: Reals
+    plane: Reals3D
+    origin: Reals1D
     cell: float
 
 
-NODES = types.NamedTuple((REALS_3D, REALS, float64), Nodes)
-
-
-@compiled(void(REALS_2D, REALS), called_from_python=False)
-def _factorise(normal: Reals, prior: Reals) -> None:
+@compiled(called_from_python=False)
+def _factorise(normal: Reals2D, prior: Reals1D) -> None:
     """Add the prior's 1 / deviation^2 to a symmetric matrix (3, 3), and replace its lower part by Cholesky's factor."""
     for a in range(3):
         normal[a, a] += 1.0 / prior[a] ** 2
@@ -90,8 +69,8 @@ def _factorise(normal: Reals, prior: Reals) -> None:
             normal[a, b] = math.sqrt(total) if a == b else total / normal[b, b]
 
 
-@compiled(void(REALS, REALS_2D), called_from_python=False)
-def _divide(vector: Reals, factor: Reals) -> None:
+@compiled(called_from_python=False)
+def _divide(vector: Reals1D, factor: Reals2D) -> None:
     """Divide a vector (3,) by a lower triangular matrix (3, 3), in place."""
     for a in range(3):
         for k in range(a):
@@ -99,11 +78,15 @@ def _divide(vector: Reals, factor: Reals) -> None:
         vector[a] /= factor[a, a]
 
 
-@compiled(
-    float64(GIVEN_REALS, REALS, REALS, PRESSURE_MODEL, PLANE, REALS_2D, REALS), called_from_python=False
-)
+@compiled(called_from_python=False)
 def _fit_plane(
-    reading: Reals, cover: Reals, slope: Reals, model: PressureModel, fit: Plane, factor: Reals, seen: Reals
+    reading: GivenReals1D,
+    cover: Reals1D,
+    slope: Reals1D,
+    model: PressureModel,
+    fit: Plane,
+    factor: Reals2D,
+    seen: Reals1D,
 ) -> float:
     """Do for one reading what `fit_planes` does for all; returns its misfit, nats.
 
@@ -145,8 +128,10 @@ def _fit_plane(
     return misfit
 
 
-@compiled(void(GIVEN_REALS_2D, REALS_2D, REALS_2D, PRESSURE_MODEL, PLANES))
-def fit_planes(reading: Reals, cover: Reals, slope: Reals, model: PressureModel, planes: Planes) -> None:
+@compiled()
+def fit_planes(
+    reading: GivenReals2D, cover: Reals2D, slope: Reals2D, model: PressureModel, planes: Planes
+) -> None:
     """Fit p, q and r to readings (n, taxels) kPa, given cover and its squared slope (n, taxels) mm^-2; fills planes.
 
     Where the plane falls below 0 the pad has left the object: nothing is felt.
@@ -157,10 +142,10 @@ def fit_planes(reading: Reals, cover: Reals, slope: Reals, model: PressureModel,
         planes.misfit[n] = _fit_plane(reading[n], cover[n], slope[n], model, fit, factor, seen)
 
 
-@compiled(float64(REALS, GIVEN_REALS_2D, GIVEN_REALS_2D, REALS_2D, NODES, PRESSURE_MODEL, REALS, REALS_2D))
+@compiled()
 def expand(
-    pose: Reals, reading: Reals, sensor_in_robot: Reals, taxel_xy: Reals, mosaic: Nodes, model: PressureModel,
-    slope: Reals, curvature: Reals,
+    pose: Reals1D, reading: GivenReals2D, sensor_in_robot: GivenReals2D, taxel_xy: Reals2D, mosaic: Nodes,
+    model: PressureModel, slope: Reals1D, curvature: Reals2D,
 ) -> float:  # fmt: skip
     """Expand -log p of readings (n, taxels) kPa, less a constant, around a pose T_R^O (3,) of the object.
 

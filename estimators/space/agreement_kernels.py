@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, void
 from numba.extending import register_jitable
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
-from tactsim.estimators.space.pad_feel import ROOM, TOUCHING, WAYS, Room, Touching, room_for
+from tactsim.core.compiling import Reals, Reals1D, Reals2D, compiled
+from tactsim.estimators.space.pad_feel import WAYS, Room, Touching, room_for
 
 _TURNS = 2  # linearisations of a touch in the pad's displacement; the second begins where the first ends
 LOUD = 5.0  # by how much more than noise the sum of a reading must be for a contact
@@ -138,8 +137,8 @@ def _back(factor: Reals, vector: Reals, solved: Reals) -> None:
         solved[a] = value / factor[a, a]
 
 
-@compiled(float64(TOUCHING, REALS, REALS, ROOM), called_from_python=False)
-def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> float:
+@compiled(called_from_python=False)
+def agreement(touching: Touching, depth: Reals1D, reading: Reals1D, room: Room) -> float:
     """Give log p(reading | depths at the rays): Student's t, the pad's displacement integrated out.
 
     A touch carries a load that is known. A layer of the usual stiffness that is pressed by these depths might carry
@@ -227,8 +226,8 @@ def agreement(touching: Touching, depth: Reals, reading: Reals, room: Room) -> f
     return -0.5 * (counts * log_det + spread)
 
 
-@compiled(void(TOUCHING, ROOM, REALS_2D, REALS), called_from_python=False)
-def pull(touching: Touching, room: Room, information: Reals, towards: Reals) -> None:
+@compiled(called_from_python=False)
+def pull(touching: Touching, room: Room, information: Reals2D, towards: Reals1D) -> None:
     """Say what the touch that `agreement` has weighed last asks for: where the pad should be, seen from the object.
 
     With N and v the normal equations of the displacement and P its prior covariance, the displacement that would
@@ -254,8 +253,8 @@ def pull(touching: Touching, room: Room, information: Reals, towards: Reals) -> 
             information[a, b] *= room.counted[0]
 
 
-@compiled(void(TOUCHING, REALS_2D, REALS_2D, REALS))
-def agreements(touching: Touching, depth: Reals, reading: Reals, log_p: Reals) -> None:
+@compiled()
+def agreements(touching: Touching, depth: Reals2D, reading: Reals2D, log_p: Reals1D) -> None:
     """Write log p (n,) of readings (n, taxels) kPa, given depths (n, rays) mm."""
     room = room_for(touching)
     for n in range(len(depth)):

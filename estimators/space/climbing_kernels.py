@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import int64, void
 from numba.extending import register_jitable
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.estimators.space.agreement_kernels import AHEAD, LOUD, agreement, pull
 from tactsim.estimators.space.feeling_kernels import HOPELESS, bounded, feel, intrusion, sensor_in_object
-from tactsim.estimators.space.pad_feel import TOUCHING, WAYS, Touching, room_for
+from tactsim.estimators.space.pad_feel import WAYS, Touching, room_for
 from tactsim.estimators.space.pose_steps import advance, shortened, solve
-from tactsim.estimators.space.voxels import VOXELS, Voxels
+from tactsim.estimators.space.voxels import Voxels
 
 _FAR = 2.5  # mm up to which a surface is looked for that a touch has met
 _VAGUE = 1.0  # mm by which such a surface may be off
@@ -38,10 +37,10 @@ def _displaced(place: Reals, turn: Reals, ways: Reals) -> None:
             ways[a, 5] = place[1] * x - place[0] * y
 
 
-@compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, REALS_3D, REALS))
+@compiled()
 def climb(
-    voxels: Voxels, touching: Touching, corner: Reals, object_in_robot: Reals, readings: Reals, sensor_in_robot: Reals,
-    steps: int, information: Reals, log_p: Reals,
+    voxels: Voxels, touching: Touching, corner: Reals2D, object_in_robot: Reals2D, readings: Reals2D,
+    sensor_in_robot: Reals2D, steps: int, information: Reals3D, log_p: Reals1D,
 ) -> None:  # fmt: skip
     """Move objects at (n, 7) by at most so many Gauss-Newton steps, changed in place, never to where less is agreed on.
 

@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, void
 from numba.extending import register_jitable
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
 from tactsim.estimators.space.agreement_kernels import AHEAD, agreement
-from tactsim.estimators.space.pad_feel import TOUCHING, Touching, room_for
-from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, first_hit
+from tactsim.estimators.space.pad_feel import Touching, room_for
+from tactsim.estimators.space.voxels import Voxels, distance_at, first_hit
 
 HOPELESS = 2.0  # mm that an object reaches into what the pad has swept; then no ray is looked at
 _WORST = 200.0  # nats that this costs at most
 
 
-@compiled(void(REALS, REALS, REALS, REALS_2D), called_from_python=False)
-def sensor_in_object(object_in_robot: Reals, sensor_in_robot: Reals, place: Reals, turn: Reals) -> None:
+@compiled(called_from_python=False)
+def sensor_in_object(
+    object_in_robot: Reals1D, sensor_in_robot: Reals1D, place: Reals1D, turn: Reals2D
+) -> None:
     """Write the sensor's pose in the object as a place (3,) mm and a rotation matrix (3, 3)."""
     aw, ax, ay, az = object_in_robot[3], -object_in_robot[4], -object_in_robot[5], -object_in_robot[6]
     bw, bx, by, bz = sensor_in_robot[3], sensor_in_robot[4], sensor_in_robot[5], sensor_in_robot[6]
@@ -38,9 +39,9 @@ def sensor_in_object(object_in_robot: Reals, sensor_in_robot: Reals, place: Real
     place[2] = r + aw * tz + ax * ty - ay * tx
 
 
-@compiled(void(VOXELS, REALS_2D, REALS, REALS_2D, float64, float64, REALS), called_from_python=False)
+@compiled(called_from_python=False)
 def feel(
-    voxels: Voxels, ray: Reals, place: Reals, turn: Reals, deepest: float, ahead: float, depth: Reals
+    voxels: Voxels, ray: Reals2D, place: Reals1D, turn: Reals2D, deepest: float, ahead: float, depth: Reals1D
 ) -> None:
     """Write for each ray how deep the surface lies in the layer, mm in [-ahead, deepest]; below 0, it is ahead.
 
@@ -80,18 +81,24 @@ def feel(
             depth[n] = -first_hit(voxels, x, y, z, dx, dy, dz, -deepest, ahead)
 
 
-@compiled(void(VOXELS, REALS_2D, REALS_2D, REALS_3D, float64, float64, REALS_2D))
+@compiled()
 def feel_all(
-    voxels: Voxels, ray: Reals, places: Reals, turns: Reals, deepest: float, ahead: float, depth: Reals
+    voxels: Voxels,
+    ray: Reals2D,
+    places: Reals2D,
+    turns: Reals3D,
+    deepest: float,
+    ahead: float,
+    depth: Reals2D,
 ) -> None:
     """Write depths (n, rays) mm for sensors at places (n, 3) mm, turned by (n, 3, 3), in the object."""
     for n in range(len(places)):
         feel(voxels, ray, places[n], turns[n], deepest, ahead, depth[n])
 
 
-@compiled(float64(VOXELS, REALS_2D, REALS, REALS_2D, float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def intrusion(
-    voxels: Voxels, corner: Reals, place: Reals, turn: Reals, deepest: float, stroke: float
+    voxels: Voxels, corner: Reals2D, place: Reals1D, turn: Reals2D, deepest: float, stroke: float
 ) -> float:
     """Give how far the object reaches into the slab that the pad has swept, mm; 0 if it does not.
 
@@ -133,10 +140,10 @@ def bounded(touching: Touching, agreed: float, into: float) -> float:
     return touching.worst + max(over, 0.0) + math.log1p(math.exp(-abs(over)))
 
 
-@compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, REALS_2D, REALS_2D, int64, int64, REALS))
+@compiled()
 def add_log_p(
-    voxels: Voxels, touching: Touching, corner: Reals, object_in_robot: Reals, readings: Reals, sensor_in_robot: Reals,
-    first: int, last: int, log_p: Reals,
+    voxels: Voxels, touching: Touching, corner: Reals2D, object_in_robot: Reals2D, readings: Reals2D,
+    sensor_in_robot: Reals2D, first: int, last: int, log_p: Reals1D,
 ) -> None:  # fmt: skip
     """Add to log_p (n,) for objects at (n, 7) what touches first, ..., last - 1 say.
 
@@ -168,10 +175,10 @@ def add_log_p(
             log_p[n] += touching.trust * bounded(touching, said, into)
 
 
-@compiled(void(VOXELS, TOUCHING, REALS_2D, REALS_2D, float64, float64, REALS, REALS_2D))
+@compiled()
 def foresee_touches(
-    voxels: Voxels, touching: Touching, object_in_robot: Reals, start: Reals, load: float, area: float, travel: Reals,
-    image: Reals,
+    voxels: Voxels, touching: Touching, object_in_robot: Reals2D, start: Reals2D, load: float, area: float,
+    travel: Reals1D, image: Reals2D,
 ) -> None:  # fmt: skip
     """Write how far pads go from `start` (n, 7) until they carry `load` N, mm, and what they then read, kPa.
 

@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int8, types, void
-from numpy.typing import NDArray
+from numba import float64
 
-from tactsim.core.compiling import FLOATS_3D, REALS, REALS_2D, REALS_3D, Floats, Reals, compiled
+from tactsim.core.compiling import Floats3D, Int8s3D, Reals1D, Reals2D, Reals3D, compiled
 
 UNKNOWN, INSIDE, OUTSIDE = 0, 1, 2  # of voxels
 
@@ -22,19 +21,22 @@ class HeightMaps(NamedTuple):
     spacing] mm.
     """
 
-    places: Reals
-    turns: Reals
-    heights: Reals
-    trusted: Reals
-    frame: Reals
+    places: Reals2D
+    turns: Reals3D
+    heights: Reals3D
+    trusted: Reals3D
+    frame: Reals1D
 
 
-HEIGHT_MAPS = types.NamedTuple((REALS_2D, REALS_3D, REALS_3D, REALS_3D, REALS), HeightMaps)
-
-
-@compiled(void(FLOATS_3D, FLOATS_3D, REALS, float64, HEIGHT_MAPS, float64, float64))
+@compiled()
 def merge(
-    total: Floats, weight: Floats, corner: Reals, cell: float, maps: HeightMaps, before: float, behind: float
+    total: Floats3D,
+    weight: Floats3D,
+    corner: Reals1D,
+    cell: float,
+    maps: HeightMaps,
+    before: float,
+    behind: float,
 ) -> None:
     """Add to the voxels what touches say of their signed distances (Curless and Levoy 1996).
 
@@ -98,15 +100,15 @@ def merge(
                         weight[i, j, k] += share
 
 
-@compiled(void(FLOATS_3D, REALS, float64, REALS_2D, REALS_3D, REALS_3D, REALS, float64))
+@compiled()
 def carve(
-    free: Floats,
-    corner: Reals,
+    free: Floats3D,
+    corner: Reals1D,
     cell: float,
-    places: Reals,
-    turns: Reals,
-    ends: Reals,
-    frame: Reals,
+    places: Reals2D,
+    turns: Reals3D,
+    ends: Reals3D,
+    frame: Reals1D,
     stroke: float,
 ) -> None:
     """Count how often the pad has passed each voxel: what it passed is free (the paper's No Contact, in space).
@@ -132,8 +134,8 @@ def carve(
                         free[i, j, k] += 1
 
 
-@compiled(void(int8[:, :, ::1]))
-def settle(side: NDArray[np.int8]) -> None:
+@compiled()
+def settle(side: Int8s3D) -> None:
     """Let every UNKNOWN voxel be on the side of the nearest that is INSIDE or OUTSIDE, counted in steps along axes."""
     a, b, c = side.shape
     queue = np.empty((a * b * c, 3), dtype=np.int32)
@@ -159,8 +161,8 @@ def settle(side: NDArray[np.int8]) -> None:
                 end += 1
 
 
-@compiled(void(FLOATS_3D, FLOATS_3D, float64))
-def redistance(distance: Floats, level: Floats, cell: float) -> None:
+@compiled()
+def redistance(distance: Floats3D, level: Floats3D, cell: float) -> None:
     """Turn values whose zeros are a surface into signed distances to it, mm (fast sweeping, Zhao 2005).
 
     level: (a, b, c), negative inside. distance: the same shape, filled here. cell: mm.

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, compiled
 
 WAYS = 5  # in which the pad may be displaced: along z, about x and y, along x and y
 
@@ -27,21 +26,21 @@ class Touching(NamedTuple):
     load asks for is off, above and below. split: by how much that of the part of the load that taxels read is off.
     """
 
-    ray: Reals
-    taxel: Reals
-    start: Ints
-    which: Ints
-    share: Reals
+    ray: Reals2D
+    taxel: Reals2D
+    start: Ints1D
+    which: Ints1D
+    share: Reals1D
     stiffness: float
     soft: float
     deepest: float
     stroke: float
-    noise: Reals
+    noise: Reals1D
     rough: float
     aside: float
     columns: int
     step: float
-    displaced: Reals
+    displaced: Reals1D
     swept: float
     freedom: float
     counts: float
@@ -51,26 +50,6 @@ class Touching(NamedTuple):
     stiffer: float
     softer: float
     split: float
-
-
-TOUCHING = types.NamedTuple(
-    (
-        REALS_2D,
-        REALS_2D,
-        INTS,
-        INTS,
-        REALS,
-        *[float64] * 4,
-        REALS,
-        float64,
-        float64,
-        int64,
-        float64,
-        REALS,
-        *[float64] * 9,
-    ),
-    Touching,
-)
 
 
 class Room(NamedTuple):
@@ -83,29 +62,24 @@ class Room(NamedTuple):
     how much a touch counts, which is less the worse it agrees.
     """
 
-    near: Ints
-    into: Reals
-    open_to: Reals
-    sloped: Reals
-    wrong: Reals
-    pressed: Reals
-    error: Reals
-    changes: Reals
-    matrix: Reals
-    vector: Reals
-    of_load: Reals
-    of_image: Reals
-    best: Reals
-    change: Reals
-    counted: Reals
+    near: Ints1D
+    into: Reals1D
+    open_to: Reals1D
+    sloped: Reals2D
+    wrong: Reals1D
+    pressed: Reals1D
+    error: Reals1D
+    changes: Reals2D
+    matrix: Reals2D
+    vector: Reals1D
+    of_load: Reals1D
+    of_image: Reals1D
+    best: Reals1D
+    change: Reals1D
+    counted: Reals1D
 
 
-ROOM = types.NamedTuple(
-    (INTS, REALS, REALS, REALS_2D, REALS, REALS, REALS, REALS_2D, REALS_2D, *[REALS] * 6), Room
-)
-
-
-@compiled(ROOM(TOUCHING), called_from_python=False)
+@compiled(called_from_python=False)
 def room_for(touching: Touching) -> Room:
     """Make room for touches by such a pad."""
     rays, taxels = len(touching.ray), len(touching.taxel)

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import void
 from numpy.typing import NDArray
 
 from tactsim.core import rigid
-from tactsim.core.compiling import REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals2D, Reals3D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.space_field import SpaceField
 
@@ -123,8 +122,8 @@ def _away(mode: FloatArray, factor: FloatArray, pose: FloatArray) -> FloatArray:
     return away
 
 
-@compiled(void(REALS_2D, REALS_3D, REALS_2D, REALS_2D))
-def squares_away(modes: Reals, factor: Reals, poses: Reals, away: Reals) -> None:
+@compiled()
+def squares_away(modes: Reals2D, factor: Reals3D, poses: Reals2D, away: Reals2D) -> None:
     """Write how many squared standard deviations poses (n, 7) are from modes (k, 7): away (k, n).
 
     factor: (k, 6, 6), the lower Cholesky factors of the information about [shift, turn] in the mode's own frame.

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import float64, void
-
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, compiled
 
 
-@compiled(void(REALS_2D, REALS), called_from_python=False)
-def solve(matrix: Reals, vector: Reals) -> None:
+@compiled(called_from_python=False)
+def solve(matrix: Reals2D, vector: Reals1D) -> None:
     """Solve six equations by Cholesky's factor; both are overwritten, the vector by what is found."""
     for i in range(6):
         for j in range(i + 1):
@@ -29,16 +27,16 @@ def solve(matrix: Reals, vector: Reals) -> None:
         vector[i] = value / matrix[i, i]
 
 
-@compiled(float64(REALS, float64, float64), called_from_python=False)
-def shortened(step: Reals, longest_shift: float, longest_turn: float) -> float:
+@compiled(called_from_python=False)
+def shortened(step: Reals1D, longest_shift: float, longest_turn: float) -> float:
     """Give the part of a step (6,), mm and rad, that is within both lengths: at most 1."""
     shift = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
     angle = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
     return min(1.0, longest_shift / max(shift, 1e-9), longest_turn / max(angle, 1e-9))
 
 
-@compiled(void(REALS, REALS, float64), called_from_python=False)
-def advance(pose: Reals, step: Reals, by: float) -> None:
+@compiled(called_from_python=False)
+def advance(pose: Reals1D, step: Reals1D, by: float) -> None:
     """Move a pose (7,) by a part `by` of a step (6,) in its own frame: shift, mm, and turn, rad, to first order."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     p, q, r = by * step[0], by * step[1], by * step[2]
@@ -52,8 +50,8 @@ def advance(pose: Reals, step: Reals, by: float) -> None:
     pose[3:] /= math.sqrt(pose[3] ** 2 + pose[4] ** 2 + pose[5] ** 2 + pose[6] ** 2)
 
 
-@compiled(void(REALS, REALS, REALS, REALS, float64), called_from_python=False)
-def advance_about(pose: Reals, anchor: Reals, center: Reals, step: Reals, by: float) -> None:
+@compiled(called_from_python=False)
+def advance_about(pose: Reals1D, anchor: Reals1D, center: Reals1D, step: Reals1D, by: float) -> None:
     """Move a pose (7,) by a part of a step (6,) that turns the object about its place `center` (3,), at `anchor` (3,).
 
     After it the anchor is where center - shift is in the object.

@@ -6,12 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 from numba.extending import register_jitable
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.estimators.space.pose_steps import advance_about, shortened, solve
-from tactsim.estimators.space.voxels import VOXELS, Voxels, distance_at, slope_at
+from tactsim.estimators.space.voxels import Voxels, distance_at, slope_at
 
 _STEP = 3.0  # mm, how far apart at least the pad is looked at on its way
 _FREE = 0.6  # the weight of a place that nothing is above
@@ -28,12 +27,12 @@ class TouchPoints(NamedTuple):
     pad's plane, from where on its way back was free.
     """
 
-    sensor: Reals
-    point: Reals
-    points: Ints
-    free: Reals
-    frees: Ints
-    begin: Reals
+    sensor: Reals2D
+    point: Reals3D
+    points: Ints1D
+    free: Reals3D
+    frees: Ints1D
+    begin: Reals1D
 
 
 class PadWay(NamedTuple):
@@ -42,7 +41,7 @@ class PadWay(NamedTuple):
     lattice: (points, 2) mm over the pad. radius: mm about the object's origin that holds the object.
     """
 
-    lattice: Reals
+    lattice: Reals2D
     radius: float
 
 
@@ -52,7 +51,7 @@ class Slack(NamedTuple):
     turn: rad about the anchor (3,) mm in the robot frame. shift: mm. width: mm, how far off the map's distances are.
     """
 
-    anchor: Reals
+    anchor: Reals1D
     turn: float
     shift: float
     width: float
@@ -67,12 +66,7 @@ class Step(NamedTuple):
     slope: Reals
 
 
-PAD_WAY = types.NamedTuple((REALS_2D, float64), PadWay)
-SLACK = types.NamedTuple((REALS, float64, float64, float64), Slack)
-TOUCH_POINTS = types.NamedTuple((REALS_2D, REALS_3D, INTS, REALS_3D, INTS, REALS), TouchPoints)
-
-
-@compiled(float64(float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def _penalty(square: float, variance: float) -> float:
     """Give the nats that a squared distance counts: half of it by its variance, bounded (Geman and McClure 1985)."""
     return square / (2 * variance + square / _BOUND)
@@ -103,10 +97,10 @@ def _ask(voxels: Voxels, place: Reals, center: Reals, away: float, by: float, ro
             room.matrix[i, j] += by * change[i] * change[j]
 
 
-@compiled(void(VOXELS, TOUCH_POINTS, PAD_WAY, REALS_2D, SLACK, int64, float64, REALS))
+@compiled()
 def screen(
-    voxels: Voxels, touches: TouchPoints, way: PadWay, object_in_robot: Reals, slack: Slack, steps: int, least: float,
-    score: Reals,
+    voxels: Voxels, touches: TouchPoints, way: PadWay, object_in_robot: Reals2D, slack: Slack, steps: int, least: float,
+    score: Reals1D,
 ) -> None:  # fmt: skip
     """Add to score (n,) what touches say of poses object_in_robot (n, 7), in nats, at most 0.
 

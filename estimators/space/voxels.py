@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int32, types
+from numba import float64
 from numba.extending import register_jitable
-from numpy.typing import NDArray
 
-from tactsim.core.compiling import FLOATS_2D, FLOATS_3D, REALS, Floats, Reals, compiled
+from tactsim.core.compiling import Floats, Floats2D, Floats3D, Int32s3D, Reals, Reals1D, compiled
 
 BLOCK = 8  # cells along a block's side; it holds one node more, so that neighbours share their border
 _SHIFT, _INSIDE, _SIDE, _NEXT = np.uint32(3), np.uint32(BLOCK - 1), np.uint32(BLOCK + 1), np.uint32(1)
@@ -24,15 +23,12 @@ class Voxels(NamedTuple):
     with its sign. margin: mm; no surface is nearer than that to the border of the grid.
     """
 
-    corner: Reals
+    corner: Reals1D
     cell: float
-    block: NDArray[np.int32]
-    nodes: Floats
-    far: Floats
+    block: Int32s3D
+    nodes: Floats2D
+    far: Floats3D
     margin: float
-
-
-VOXELS = types.NamedTuple((REALS, float64, int32[:, :, ::1], FLOATS_2D, FLOATS_3D, float64), Voxels)
 
 
 def sparse(corner: Reals, cell: float, distance: Floats, band: float) -> Voxels:
@@ -129,10 +125,7 @@ def slope_at(voxels: Voxels, x: float, y: float, z: float, slope: Reals) -> None
     slope[2] = per * ((1 - u) * ((1 - v) * (b - a) + v * (d - c)) + u * ((1 - v) * (f - e) + v * (h - g)))
 
 
-@compiled(
-    float64(VOXELS, float64, float64, float64, float64, float64, float64, float64, float64),
-    called_from_python=False,
-)
+@compiled(called_from_python=False)
 def first_hit(
     voxels: Voxels, x: float, y: float, z: float, dx: float, dy: float, dz: float, begin: float, end: float
 ) -> float:

@@ -11,15 +11,15 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
-from numba import float32, float64, int64, njit, types
+from numba import boolean, float32, float64, int8, int16, int32, int64, njit, types
 from numpy.typing import NDArray
 
 from tactsim.core.cache_folder import cache_folder, temporary_folder
@@ -30,23 +30,40 @@ Ints = NDArray[np.int64]
 Reals = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-# The same arrays, contiguous, as signatures name them.
-INTS, INTS_2D, INTS_4D = int64[::1], int64[:, ::1], int64[:, :, :, ::1]
-REALS, REALS_2D, REALS_3D = float64[::1], float64[:, ::1], float64[:, :, ::1]
-REALS_4D, REALS_5D = float64[:, :, :, ::1], float64[:, :, :, :, ::1]
-FLOATS, FLOATS_2D = float32[::1], float32[:, ::1]
-FLOATS_3D, FLOATS_4D = float32[:, :, ::1], float32[:, :, :, ::1]
+# Contiguous arrays of so many dimensions, as compiled functions and the tuples that they take name them.
+Reals1D = Annotated[Reals, float64[::1]]
+Reals2D = Annotated[Reals, float64[:, ::1]]
+Reals3D = Annotated[Reals, float64[:, :, ::1]]
+Reals4D = Annotated[Reals, float64[:, :, :, ::1]]
+Reals5D = Annotated[Reals, float64[:, :, :, :, ::1]]
+Floats1D = Annotated[Floats, float32[::1]]
+Floats2D = Annotated[Floats, float32[:, ::1]]
+Floats3D = Annotated[Floats, float32[:, :, ::1]]
+Floats4D = Annotated[Floats, float32[:, :, :, ::1]]
+Ints1D = Annotated[Ints, int64[::1]]
+Ints2D = Annotated[Ints, int64[:, ::1]]
+Ints4D = Annotated[Ints, int64[:, :, :, ::1]]
+Int32s1D = Annotated[NDArray[np.int32], int32[::1]]
+Int32s2D = Annotated[NDArray[np.int32], int32[:, ::1]]
+Int32s3D = Annotated[NDArray[np.int32], int32[:, :, ::1]]
+Int16s1D = Annotated[NDArray[np.int16], int16[::1]]
+Int16s4D = Annotated[NDArray[np.int16], int16[:, :, :, ::1]]
+Int8s3D = Annotated[NDArray[np.int8], int8[:, :, ::1]]
+Int8s5D = Annotated[NDArray[np.int8], int8[:, :, :, :, ::1]]
+Bools1D = Annotated[NDArray[np.bool_], boolean[::1]]
 # Arrays of others that are only looked at: those that may not be written are taken too.
-GIVEN_REALS, GIVEN_REALS_2D = (types.Array(float64, dimensions, "C", readonly=True) for dimensions in (1, 2))
+GivenReals1D = Annotated[Reals, types.Array(float64, 1, "C", readonly=True)]
+GivenReals2D = Annotated[Reals, types.Array(float64, 2, "C", readonly=True)]
+_SCALARS = {float: float64, int: int64, bool: boolean, type(None): types.void}
 
 HOLDS_KERNELS = b"\nfrom tactsim.core.compiling import "  # what a file with compiled functions holds
 _MOST_FOLDERS = 10  # of kernels of other source, each of some 10 MB
 
 
 def compiled(
-    signature: Any, *, ordered: bool = True, summed_in_order: bool = True, called_from_python: bool = True
+    *, ordered: bool = True, summed_in_order: bool = True, called_from_python: bool = True
 ) -> Callable[[_Function], _Function]:
-    """Compile a function for one signature, or load what an earlier run has compiled.
+    """Compile a function for the types of its annotations, or load what an earlier run has compiled.
 
     Of IEEE arithmetic only this is given up: a * b + c may be one instruction; with ordered=False
     also NaN and the sign of zero, for loops that take a maximum; with summed_in_order=False also the order
@@ -69,6 +86,8 @@ def compiled(
     }
 
     def decorate(function: _Function) -> Any:
+        *arguments, returned = (numba_type(hint) for hint in _hints(function))
+        signature = returned(*arguments)
         folder = kernel_folder(function.__module__.partition(".")[0])
         if folder is None:
             _say_why_it_takes_long(kept=False)
@@ -83,6 +102,27 @@ def compiled(
         return dispatcher
 
     return decorate
+
+
+def numba_type(hint: Any) -> Any:
+    """Give the type that an annotation names: an array of so many dimensions, a number, or a tuple of these.
+
+    Raises TypeError if it names something else, such as an array without its dimensions.
+    """
+    if get_origin(hint) is Annotated:
+        return get_args(hint)[1]
+    if get_origin(hint) is tuple:
+        return types.Tuple([numba_type(part) for part in get_args(hint)])
+    if isinstance(hint, type) and issubclass(hint, tuple):  # a NamedTuple
+        return types.BaseTuple.from_types([numba_type(part) for part in _hints(hint)], hint)
+    if hint not in _SCALARS:
+        raise TypeError(f"no compiled function can take or give {hint}")
+    return _SCALARS[hint]
+
+
+def _hints(annotated: Any) -> Iterable[Any]:
+    """Give the annotations of a class or a function, that of what it returns last."""
+    return get_type_hints(annotated, include_extras=True).values()
 
 
 def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any], folder: Path) -> Any:

@@ -11,9 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
 
 STATE = 5  # what `press_all` finds: depth mm, tilt_x and tilt_y rad, stiffness N/mm^3, and how it ended
 SETTLED, NO_CONTACT, BURIED, TIPPED = 0.0, 1.0, 2.0, 3.0
@@ -29,15 +28,15 @@ _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
 class Field(NamedTuple):
     """The shape from above: facets (n, 3 corners, 3), [x, y, gap] mm, ordered by front (n,), each one's least gap."""
 
-    facets: Reals
-    front: Reals
+    facets: Reals3D
+    front: Reals1D
 
 
 class Cells(NamedTuple):
     """The pad: the edges of its cells along x (columns + 1,) and y (rows + 1,), mm."""
 
-    x_lines: Reals
-    y_lines: Reals
+    x_lines: Reals1D
+    y_lines: Reals1D
 
 
 class Layer(NamedTuple):
@@ -54,21 +53,15 @@ class Layer(NamedTuple):
 class Room(NamedTuple):
     """Room to work in: four polygons (_CORNERS, 3), and total (_SUMS,), what `integrate` adds up."""
 
-    corner: Reals
-    spare: Reals
-    strip: Reals
-    part: Reals
-    total: Reals
+    corner: Reals2D
+    spare: Reals2D
+    strip: Reals2D
+    part: Reals2D
+    total: Reals1D
 
 
-FIELD = types.NamedTuple((REALS_3D, REALS), Field)
-CELLS = types.NamedUniTuple(REALS, 2, Cells)
-LAYER = types.NamedUniTuple(float64, 4, Layer)
-ROOM = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Room)
-
-
-@compiled(int64(REALS_2D, int64, int64, float64, float64, REALS_2D), called_from_python=False)
-def cut(corner: Reals, count: int, axis: int, sign: float, line: float, spare: Reals) -> int:
+@compiled(called_from_python=False)
+def cut(corner: Reals2D, count: int, axis: int, sign: float, line: float, spare: Reals2D) -> int:
     """Cut a polygon to where sign * (a coordinate - line) >= 0 (Sutherland and Hodgman); returns its corners' number.
 
     corner: (room, 3 or more), of which the first `count` are used, changed in place: x, y, depth or gap, and if there
@@ -97,13 +90,10 @@ def cut(corner: Reals, count: int, axis: int, sign: float, line: float, spare: R
     return found
 
 
-@compiled(
-    types.Tuple((REALS_3D, int64, float64))(FIELD, REALS, REALS, float64, float64, REALS_3D, ROOM),
-    called_from_python=False,
-)
+@compiled(called_from_python=False)
 def gather(
-    field: Field, pose: Reals, bounds: Reals, thickness: float, lean: float, before: Reals, room: Room
-) -> tuple[Reals, int, float]:
+    field: Field, pose: Reals1D, bounds: Reals1D, thickness: float, lean: float, before: Reals3D, room: Room
+) -> tuple[Reals3D, int, float]:
     """Put before the pad all facets that it can reach: triangles [x, y, gap] in the sensor frame, cut with the pad.
 
     pose: (4,) x, y, cos, sin of sensor_in_object. bounds: (4,) x low, x high, y low, y high of the pad, which reaches
@@ -149,8 +139,8 @@ def gather(
     return before, used, touch
 
 
-@compiled(types.UniTuple(float64, 2)(REALS_3D, int64, float64, float64, float64), called_from_python=False)
-def bear(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float) -> tuple[float, float]:
+@compiled(called_from_python=False)
+def bear(before: Reals3D, count: int, depth: float, tilt_x: float, tilt_y: float) -> tuple[float, float]:
     """Integrate the depth over the contact, and the contact: returns mm^3 and mm^2.
 
     Over a triangle whose corners lie at gaps low <= middle <= high, both are powers of the depth in closed form.
@@ -190,8 +180,8 @@ def bear(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float) 
     return volume, contact
 
 
-@compiled(int64(REALS_3D, int64, float64, float64, float64, ROOM), called_from_python=False)
-def touching(before: Reals, index: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> int:
+@compiled(called_from_python=False)
+def touching(before: Reals3D, index: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> int:
     """Take the part of a triangle that is in contact: fills room.corner with [x, y, depth] and returns their number."""
     corner, least = room.corner, np.inf
     for i in range(3):
@@ -202,8 +192,8 @@ def touching(before: Reals, index: int, depth: float, tilt_x: float, tilt_y: flo
     return 3 if least >= 0 else cut(corner, 3, 2, 1.0, 0.0, room.spare)
 
 
-@compiled(void(REALS_3D, int64, float64, float64, float64, ROOM), called_from_python=False)
-def integrate(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> None:
+@compiled(called_from_python=False)
+def integrate(before: Reals3D, count: int, depth: float, tilt_x: float, tilt_y: float, room: Room) -> None:
     """Add up over the contact what balances a press: fills room.total, p standing for the depth, mm."""
     corner, total = room.corner, room.total
     total[:] = 0.0
@@ -227,11 +217,9 @@ def integrate(before: Reals, count: int, depth: float, tilt_x: float, tilt_y: fl
             total[9] += each * (p * p + p0 * p0 + p1 * p1 + p2 * p2)
 
 
-@compiled(
-    float64(REALS_3D, int64, float64, float64, float64, float64, float64, float64), called_from_python=False
-)
+@compiled(called_from_python=False)
 def sink(
-    before: Reals, count: int, touch: float, guess: float, tilt_x: float, tilt_y: float, force: float,
+    before: Reals3D, count: int, touch: float, guess: float, tilt_x: float, tilt_y: float, force: float,
     stiffness: float,
 ) -> float:  # fmt: skip
     """Find the depth, mm, at which springs under a face that does not turn carry the force, by Newton's method.
@@ -253,12 +241,12 @@ def sink(
     return depth
 
 
-@compiled(float64(REALS_3D, int64, REALS, REALS, float64, float64, float64, ROOM), called_from_python=False)
+@compiled(called_from_python=False)
 def turn(
-    before: Reals,
+    before: Reals3D,
     count: int,
-    tilt: Reals,
-    at: Reals,
+    tilt: Reals1D,
+    at: Reals1D,
     wrist: float,
     force: float,
     stiffness: float,
@@ -300,9 +288,9 @@ def turn(
     return TIPPED
 
 
-@compiled(void(REALS_2D, int64, float64, float64, float64, REALS, int64, int64), called_from_python=False)
+@compiled(called_from_python=False)
 def add_part(
-    corner: Reals, count: int, x: float, y: float, stiffness: float, load: Reals, cell: int, cells: int
+    corner: Reals2D, count: int, x: float, y: float, stiffness: float, load: Reals1D, cell: int, cells: int
 ) -> None:
     """Add what one polygon carries to the moments of a cell about its centre (x, y): load (6 * cells,).
 
@@ -334,8 +322,8 @@ def add_part(
             load[cell + 5 * cells] += weight * at_v * at_v
 
 
-@compiled(void(REALS_3D, int64, REALS, CELLS, REALS, ROOM), called_from_python=False)
-def carry(before: Reals, count: int, state: Reals, pad: Cells, load: Reals, room: Room) -> None:
+@compiled(called_from_python=False)
+def carry(before: Reals3D, count: int, state: Reals1D, pad: Cells, load: Reals1D, room: Room) -> None:
     """Add up what each cell of the pad carries in a press at rest: adds to load (6 * cells,)."""
     x_lines, y_lines, corner, spare = pad.x_lines, pad.y_lines, room.corner, room.spare
     strip, part = room.strip, room.part
@@ -374,16 +362,16 @@ def carry(before: Reals, count: int, state: Reals, pad: Cells, load: Reals, room
                 add_part(part, wide, x, y, state[3], load, row * columns + column, columns * rows)
 
 
-@compiled(void(FIELD, REALS_2D, REALS_2D, REALS, CELLS, LAYER, REALS_2D, REALS_2D))
+@compiled()
 def press_all(
     field: Field,
-    poses: Reals,
-    tilts: Reals,
-    forces: Reals,
+    poses: Reals2D,
+    tilts: Reals2D,
+    forces: Reals1D,
     pad: Cells,
     layer: Layer,
-    states: Reals,
-    loads: Reals,
+    states: Reals2D,
+    loads: Reals2D,
 ) -> None:
     """Find where each press rests, and what each cell of the pad carries there.
 

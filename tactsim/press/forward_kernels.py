@@ -11,9 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.press.facet_kernels import cut
 
 LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
@@ -31,8 +30,8 @@ _WEIGHT = (5 / 18, 8 / 18, 5 / 18)
 class Outline(NamedTuple):
     """A flat face: corners (n, 2) mm in the object frame, of closed contours that begin at start (contours + 1,)."""
 
-    corners: Reals
-    start: Ints
+    corners: Reals2D
+    start: Ints1D
 
 
 class Layer(NamedTuple):
@@ -41,8 +40,8 @@ class Layer(NamedTuple):
     springs: (4,) force N, stiffness N/mm^3, thickness mm, wrist N mm/rad (negative: rigid).
     """
 
-    bounds: Reals
-    springs: Reals
+    bounds: Reals1D
+    springs: Reals1D
 
 
 class Touch(NamedTuple):
@@ -54,12 +53,12 @@ class Touch(NamedTuple):
     along x and y.
     """
 
-    corner: Reals
-    counts: Ints
-    spare: Reals
-    state: Reals
-    moment: Reals
-    matrix: Reals
+    corner: Reals3D
+    counts: Ints1D
+    spare: Reals2D
+    state: Reals1D
+    moment: Reals1D
+    matrix: Reals2D
 
 
 class Felt(NamedTuple):
@@ -69,18 +68,12 @@ class Felt(NamedTuple):
     and mm. y: (nodes, 1, rows). nodes: (3,) first node along x and y and the distance of nodes, mm.
     """
 
-    x: Reals
-    y: Reals
-    nodes: Reals
+    x: Reals3D
+    y: Reals3D
+    nodes: Reals1D
 
 
-OUTLINE = types.NamedTuple((REALS_2D, INTS), Outline)
-LAYER = types.NamedUniTuple(REALS, 2, Layer)
-TOUCH = types.NamedTuple((REALS_3D, INTS, REALS_2D, REALS, REALS, REALS_2D), Touch)
-FELT = types.NamedTuple((REALS_3D, REALS_3D, REALS), Felt)
-
-
-@compiled(TOUCH(OUTLINE), called_from_python=False)
+@compiled(called_from_python=False)
 def room_for(outline: Outline) -> Touch:
     """Make room for what touches of an outline."""
     contours, room = len(outline.start) - 1, 0
@@ -97,8 +90,8 @@ def room_for(outline: Outline) -> Touch:
     )
 
 
-@compiled(void(OUTLINE, REALS, REALS, int64, TOUCH), called_from_python=False)
-def lay(outline: Outline, pose: Reals, bounds: Reals, lifts: int, touch: Touch) -> None:
+@compiled(called_from_python=False)
+def lay(outline: Outline, pose: Reals1D, bounds: Reals1D, lifts: int, touch: Touch) -> None:
     """Find what of an outline touches the pad in the state of `touch`, and its moments: fills the rest of `touch`.
 
     pose: (3,) sensor_in_object. bounds: as in `Layer`. If `lifts`, what is above the pad's surface does not touch.
@@ -140,8 +133,8 @@ def lay(outline: Outline, pose: Reals, bounds: Reals, lifts: int, touch: Touch) 
             moment[5] += twice * (y0 * y0 + y0 * y1 + y1 * y1) / 12
 
 
-@compiled(void(REALS_2D, REALS), called_from_python=False)
-def solve_3(matrix: Reals, vector: Reals) -> None:
+@compiled(called_from_python=False)
+def solve_3(matrix: Reals2D, vector: Reals1D) -> None:
     """Solve a symmetric positive definite system of three equations in place, by Cholesky's method."""
     a, b, c = matrix[0, 0], matrix[1, 0] / matrix[0, 0], matrix[2, 0] / matrix[0, 0]
     d = matrix[1, 1] - b * b * a
@@ -154,8 +147,8 @@ def solve_3(matrix: Reals, vector: Reals) -> None:
     vector[1], vector[2] = y, z
 
 
-@compiled(float64(OUTLINE, REALS, REALS, LAYER, TOUCH), called_from_python=False)
-def balance(outline: Outline, pose: Reals, tilt: Reals, layer: Layer, touch: Touch) -> float:
+@compiled(called_from_python=False)
+def balance(outline: Outline, pose: Reals1D, tilt: Reals1D, layer: Layer, touch: Touch) -> float:
     """Find depth and tilts at rest by Newton's method; returns the springs' stiffness N/mm^3, 0 without contact.
 
     pose: (3,) sensor_in_object. tilt: (2,) nominal, rad. Fills `touch`.
@@ -232,9 +225,9 @@ def balance(outline: Outline, pose: Reals, tilt: Reals, layer: Layer, touch: Tou
     return stiffness
 
 
-@compiled(void(OUTLINE, REALS_2D, REALS_2D, LAYER, REALS, REALS_2D))
+@compiled()
 def rest_all(
-    outline: Outline, poses: Reals, tilts: Reals, layer: Layer, forces: Reals, states: Reals
+    outline: Outline, poses: Reals2D, tilts: Reals2D, layer: Layer, forces: Reals1D, states: Reals2D
 ) -> None:
     """Find where an outline rests at poses (n, 3) with tilts (n, 2) under forces (n,) N instead of the layer's.
 
@@ -248,16 +241,16 @@ def rest_all(
         states[n, :3] = touch.state
 
 
-@compiled(void(OUTLINE, REALS_2D, REALS_2D, LAYER, FELT, int64, REALS_2D, REALS_3D))
+@compiled()
 def press_all(
     outline: Outline,
-    poses: Reals,
-    tilts: Reals,
+    poses: Reals2D,
+    tilts: Reals2D,
     layer: Layer,
     felt: Felt,
     derive: int,
-    mean: Reals,
-    by: Reals,
+    mean: Reals2D,
+    by: Reals3D,
 ) -> None:
     """Press an outline at poses (n, 3) with tilts (n, 2): mean (n, taxels) kPa; if `derive`, by (n, 6, taxels) too.
 

@@ -16,14 +16,12 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import float64, int64, types, void
-from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import Bools1D, Ints1D, Ints2D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press.pad_kernels import SMALL, STEEP, cut, enter, unite
-from tactsim.press.pad_surface import LINES, Lines
+from tactsim.press.pad_surface import Lines
 
 _MM = 1e3  # mm in a metre
 FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
@@ -38,20 +36,20 @@ class Body(NamedTuple):
     offsets}. balls: (f, 4) mm, a middle and a radius that hold each face.
     """
 
-    kind: Ints
-    size: Reals
-    radii: Reals
-    faces: Ints
-    normals: Reals
-    offsets: Reals
-    balls: Reals
+    kind: Ints1D
+    size: Reals2D
+    radii: Reals1D
+    faces: Ints2D
+    normals: Reals2D
+    offsets: Reals1D
+    balls: Reals2D
 
 
 class Pose(NamedTuple):
     """The frames of p geoms in the pad's: rotations (p, 3, 3) and positions (p, 3) mm."""
 
-    rotations: Reals
-    positions: Reals
+    rotations: Reals3D
+    positions: Reals2D
 
 
 class Cover(NamedTuple):
@@ -62,16 +60,11 @@ class Cover(NamedTuple):
     middle to the middle of the covered part along u and v.
     """
 
-    cell: Ints
-    geom: Ints
-    gap: Reals
-    share: Reals
-    shift: Reals
-
-
-BODY = types.NamedTuple((INTS, REALS_2D, REALS, INTS_2D, REALS_2D, REALS, REALS_2D), Body)
-POSE = types.NamedTuple((REALS_3D, REALS_2D), Pose)
-COVER = types.NamedTuple((INTS, INTS, REALS, REALS, REALS_2D), Cover)
+    cell: Ints1D
+    geom: Ints1D
+    gap: Reals1D
+    share: Reals1D
+    shift: Reals2D
 
 
 def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
@@ -145,17 +138,16 @@ def _hull(model: mujoco.MjModel, mesh: int) -> FloatArray:
 
 
 Vector = tuple[float, float, float]
-_VECTOR = types.UniTuple(float64, 3)
 
 
-@compiled(_VECTOR(REALS_2D, int64), called_from_python=False)
-def vector(rows: Reals, i: int) -> Vector:
+@compiled(called_from_python=False)
+def vector(rows: Reals2D, i: int) -> Vector:
     """Take one of vectors (n, 3)."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@compiled(_VECTOR(REALS_3D, int64, _VECTOR), called_from_python=False)
-def turned(rotations: Reals, geom: int, vector: Vector) -> Vector:
+@compiled(called_from_python=False)
+def turned(rotations: Reals3D, geom: int, vector: Vector) -> Vector:
     """Turn a vector of the pad's frame into that of a geom."""
     x, y, z = vector
     turn = rotations[geom]
@@ -166,7 +158,7 @@ def turned(rotations: Reals, geom: int, vector: Vector) -> Vector:
     )
 
 
-@compiled(float64(_VECTOR, _VECTOR, _VECTOR), called_from_python=False)
+@compiled(called_from_python=False)
 def round_entry(point: Vector, way: Vector, bend: Vector) -> float:
     """Find where a line, from a point along a way, enters an ellipsoid: infinite where it misses it.
 
@@ -179,7 +171,7 @@ def round_entry(point: Vector, way: Vector, bend: Vector) -> float:
     return (-b - math.sqrt(inside)) / a if inside >= 0 else np.inf
 
 
-@compiled(float64(_VECTOR, _VECTOR, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def side_entry(point: Vector, way: Vector, radius: float) -> float:
     """Find where a line enters an endless cylinder along z: infinite where it misses it."""
     a = max(way[0] * way[0] + way[1] * way[1], SMALL)
@@ -188,7 +180,7 @@ def side_entry(point: Vector, way: Vector, radius: float) -> float:
     return (-b - math.sqrt(inside)) / a if inside >= 0 else np.inf
 
 
-@compiled(float64(_VECTOR, _VECTOR, float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def capsule_entry(point: Vector, way: Vector, radius: float, half: float) -> float:
     """Find where a line enters a capsule along z: infinite where it misses it."""
     x, y, z = point
@@ -198,7 +190,7 @@ def capsule_entry(point: Vector, way: Vector, radius: float, half: float) -> flo
     return min(entry, round_entry((x, y, z - half), way, ball), round_entry((x, y, z + half), way, ball))
 
 
-@compiled(types.UniTuple(_VECTOR, 2)(LINES, int64, int64, POSE), called_from_python=False)
+@compiled(called_from_python=False)
 def seen(lines: Lines, i: int, geom: int, pose: Pose) -> tuple[Vector, Vector]:
     """Give a line's point and normal in the frame of a geom."""
     own, place = i if len(lines.normals) > 1 else 0, pose.positions[geom]
@@ -206,8 +198,8 @@ def seen(lines: Lines, i: int, geom: int, pose: Pose) -> tuple[Vector, Vector]:
     return turned(pose.rotations, geom, (x, y, z)), turned(pose.rotations, geom, vector(lines.normals, own))
 
 
-@compiled(REALS(REALS_2D), ordered=False)
-def ball_around(points: Reals) -> Reals:
+@compiled(ordered=False)
+def ball_around(points: Reals2D) -> Reals1D:
     """Give the middle of points (n, 3) mm, and how far the farthest is from it: (4,) mm."""
     x = y = z = spread = 0.0
     for i in range(len(points)):
@@ -219,8 +211,8 @@ def ball_around(points: Reals) -> Reals:
     return np.array([x, y, z, math.sqrt(spread)])
 
 
-@compiled(types.Tuple((REALS_2D, REALS))(BODY, int64, POSE, REALS), called_from_python=False)
-def near(body: Body, geom: int, pose: Pose, ball: Reals) -> tuple[Reals, Reals]:
+@compiled(called_from_python=False)
+def near(body: Body, geom: int, pose: Pose, ball: Reals1D) -> tuple[Reals2D, Reals1D]:
     """Put the faces of a geom before the pad: normals (3, f) and offsets (f,) mm in its frame.
 
     ball: (4,) mm, as `ball_around` gives it of points. Faces that are further from them than the geom is, by more than
@@ -248,9 +240,16 @@ def near(body: Body, geom: int, pose: Pose, ball: Reals) -> tuple[Reals, Reals]:
     return normals, offsets
 
 
-@compiled(void(BODY, int64, POSE, LINES, REALS, REALS, REALS, REALS_2D))
+@compiled()
 def measure(
-    body: Body, geom: int, pose: Pose, lines: Lines, ball: Reals, gap: Reals, share: Reals, shift: Reals
+    body: Body,
+    geom: int,
+    pose: Pose,
+    lines: Lines,
+    ball: Reals1D,
+    gap: Reals1D,
+    share: Reals1D,
+    shift: Reals2D,
 ) -> None:
     """Measure from each of n points of a surface, which `ball` (4,) mm holds, along its normal to where a geom begins.
 
@@ -301,8 +300,8 @@ def measure(
         )
 
 
-@compiled(types.Tuple((BODY, POSE))(BODY, POSE, types.boolean[::1]), called_from_python=False)
-def among(body: Body, pose: Pose, chosen: NDArray[np.bool_]) -> tuple[Body, Pose]:
+@compiled(called_from_python=False)
+def among(body: Body, pose: Pose, chosen: Bools1D) -> tuple[Body, Pose]:
     """Take the chosen ones, (p,), of a body's geoms alone."""
     (geoms,) = np.nonzero(chosen)
     parts = Body(
@@ -317,7 +316,7 @@ def among(body: Body, pose: Pose, chosen: NDArray[np.bool_]) -> tuple[Body, Pose
     return parts, Pose(pose.rotations[geoms], pose.positions[geoms])
 
 
-@compiled(COVER(BODY, POSE, LINES, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
     """Measure from a surface to a body of several geoms, which may overlap: to the nearest of them at each point.
 

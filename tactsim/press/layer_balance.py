@@ -9,9 +9,8 @@ convex energy is least; Newton's method finds it.
 from __future__ import annotations
 
 import numpy as np
-from numba import float64
 
-from tactsim.core.compiling import REALS, REALS_2D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, compiled
 
 _MOST_STEPS = 60
 _TOLERANCE = 1e-9  # of the load
@@ -23,8 +22,8 @@ _HOLD = 1e-6
 _SMALL = 1e-300
 
 
-@compiled(float64(REALS, REALS, REALS_2D, float64, REALS), called_from_python=False)
-def energy(gap: Reals, weight: Reals, basis: Reals, force: float, motion: Reals) -> float:
+@compiled(called_from_python=False)
+def energy(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, motion: Reals1D) -> float:
     """Add up the layer's energy after a motion, with that of the load and of what holds turns, N mm."""
     layer, hold = 0.0, _HOLD * weight.sum()
     for i in range(len(gap)):
@@ -36,8 +35,8 @@ def energy(gap: Reals, weight: Reals, basis: Reals, force: float, motion: Reals)
     return layer + hold * (motion[1:] ** 2).sum() / 2 - force * motion[0]
 
 
-@compiled(REALS(REALS_2D, REALS), called_from_python=False)
-def solve(matrix: Reals, right: Reals) -> Reals:
+@compiled(called_from_python=False)
+def solve(matrix: Reals2D, right: Reals1D) -> Reals1D:
     """Solve a few equations by elimination. matrix: positive definite; only what is below its diagonal is looked at."""
     left, solved = matrix.copy(), right.copy()
     for i in range(len(right)):
@@ -53,8 +52,8 @@ def solve(matrix: Reals, right: Reals) -> Reals:
     return solved
 
 
-@compiled(float64(REALS, REALS, REALS, float64), called_from_python=False)
-def approach(gap: Reals, weight: Reals, facing: Reals, force: float) -> float:
+@compiled(called_from_python=False)
+def approach(gap: Reals1D, weight: Reals1D, facing: Reals1D, force: float) -> float:
     """Find how far a body sinks in without a turn, mm: exact, by steps from above, as the force is convex."""
     touching, count = np.arange(len(gap)), len(gap)
     while True:
@@ -72,8 +71,8 @@ def approach(gap: Reals, weight: Reals, facing: Reals, force: float) -> float:
         count = still
 
 
-@compiled(REALS(REALS, REALS, REALS_2D, float64, float64), called_from_python=False)
-def balance(gap: Reals, weight: Reals, basis: Reals, force: float, straight: float) -> Reals:
+@compiled(called_from_python=False)
+def balance(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, straight: float) -> Reals1D:
     """Find the motion (m,) after which the layer carries a force, N.
 
     gap: (n,) mm between surface and body. weight: (n,) N/mm, stiffness times area of each point. basis: (m, n),

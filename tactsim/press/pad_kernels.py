@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
-from tactsim.press.pad_surface import LINES, Lines, dot
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
+from tactsim.press.pad_surface import Lines, dot
 
 
 class Carried(NamedTuple):
@@ -19,10 +18,10 @@ class Carried(NamedTuple):
     cells along u and v from the cell's middle to that of the covered part. u: (columns + 1,), v: (rows + 1,) mm, edges.
     """
 
-    forces: Reals
-    shift: Reals
-    u: Reals
-    v: Reals
+    forces: Reals2D
+    shift: Reals2D
+    u: Reals1D
+    v: Reals1D
 
 
 class Taxels(NamedTuple):
@@ -31,16 +30,13 @@ class Taxels(NamedTuple):
     pitch: (2,) mm along u and v. sigma: mm, of the point spread, 0 for none. stiffness: N/mm^3 of the layer on them.
     """
 
-    columns: Reals
-    rows: Reals
-    bounds: Reals
-    pitch: Reals
+    columns: Reals2D
+    rows: Reals2D
+    bounds: Reals2D
+    pitch: Reals1D
     sigma: float
     stiffness: float
 
-
-CARRIED = types.NamedTuple((REALS_2D, REALS_2D, REALS, REALS), Carried)
-TAXELS = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS, float64, float64), Taxels)
 
 STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
 SMALL = 1e-12
@@ -56,7 +52,7 @@ _BELOW = np.array([math.erfc(-z / math.sqrt(2)) / 2 for z in _AT])
 _PASSED = _AT * _BELOW + np.exp(-_AT * _AT / 2) / math.sqrt(2 * math.pi)
 
 
-@compiled(types.UniTuple(float64, 3)(float64, float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float, float]:
     """Cut a cell by a straight wall, exactly.
 
@@ -89,9 +85,7 @@ def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float,
     )
 
 
-@compiled(
-    types.UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64), called_from_python=False
-)
+@compiled(called_from_python=False)
 def shared(
     share: float, u: float, v: float, other: float, other_u: float, other_v: float
 ) -> tuple[float, float, float]:
@@ -113,8 +107,8 @@ def shared(
     return both, (left + right) / 2, (low + high) / 2
 
 
-@compiled(void(REALS_2D, REALS_2D, REALS_3D))
-def unite(gap: Reals, share: Reals, shift: Reals) -> None:
+@compiled()
+def unite(gap: Reals2D, share: Reals2D, shift: Reals3D) -> None:
     """Leave to each of g bodies what of n cells no nearer one covers, so that no point counts twice.
 
     gap (g, n) mm, share (g, n) and shift (g, 2, n) in cells, as in `Cover`; share and shift are changed.
@@ -149,23 +143,23 @@ def unite(gap: Reals, share: Reals, shift: Reals) -> None:
             taken += left
 
 
-@compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)
-def along(normals: Reals, face: int, vectors: Reals, i: int) -> float:
+@compiled(called_from_python=False)
+def along(normals: Reals2D, face: int, vectors: Reals2D, i: int) -> float:
     """Multiply a normal of (3, f) with a vector of (n, 3)."""
     return (
         normals[0, face] * vectors[i, 0] + normals[1, face] * vectors[i, 1] + normals[2, face] * vectors[i, 2]
     )
 
 
-@compiled(float64(REALS_2D, int64, int64), called_from_python=False)
-def between(normals: Reals, face: int, other: int) -> float:
+@compiled(called_from_python=False)
+def between(normals: Reals2D, face: int, other: int) -> float:
     """Give the cosine of the angle between two of f normals (3, f)."""
     x, y, z = normals[0, other], normals[1, other], normals[2, other]
     return normals[0, face] * x + normals[1, face] * y + normals[2, face] * z
 
 
-@compiled(void(REALS_2D, int64, REALS_2D, REALS), called_from_python=False)
-def project(normals: Reals, face: int, vectors: Reals, parts: Reals) -> None:
+@compiled(called_from_python=False)
+def project(normals: Reals2D, face: int, vectors: Reals2D, parts: Reals1D) -> None:
     """Fill parts (k,) with those along a normal of (3, f) of vectors (3, k)."""
     x, y, z = normals[0, face], normals[1, face], normals[2, face]
     along_x, along_y, along_z = vectors[0], vectors[1], vectors[2]
@@ -173,16 +167,16 @@ def project(normals: Reals, face: int, vectors: Reals, parts: Reals) -> None:
         parts[i] = x * along_x[i] + y * along_y[i] + z * along_z[i]
 
 
-@compiled(void(REALS_2D, REALS_2D), called_from_python=False)
-def columns(vectors: Reals, parts: Reals) -> None:
+@compiled(called_from_python=False)
+def columns(vectors: Reals2D, parts: Reals2D) -> None:
     """Put n vectors (n, 3) into the first n columns of parts (3, m)."""
     for i in range(len(vectors)):
         for k in range(3):
             parts[k, i] = vectors[i, k]
 
 
-@compiled(types.UniTuple(float64, 2)(REALS), ordered=False, called_from_python=False)
-def ends(values: Reals) -> tuple[float, float]:
+@compiled(ordered=False, called_from_python=False)
+def ends(values: Reals1D) -> tuple[float, float]:
     """Give the least and the largest of n values."""
     low, high = np.inf, -np.inf
     for i in range(len(values)):
@@ -190,9 +184,15 @@ def ends(values: Reals) -> tuple[float, float]:
     return low, high
 
 
-@compiled(void(REALS_2D, REALS, LINES, REALS, REALS, REALS, REALS_2D), called_from_python=False)
+@compiled(called_from_python=False)
 def enter(
-    normals: Reals, offsets: Reals, lines: Lines, before: Reals, gap: Reals, share: Reals, shift: Reals
+    normals: Reals2D,
+    offsets: Reals1D,
+    lines: Lines,
+    before: Reals1D,
+    gap: Reals1D,
+    share: Reals1D,
+    shift: Reals2D,
 ) -> None:
     """Find where lines enter a body of flat faces: at the last face that they pass inwards, within the walls.
 
@@ -304,7 +304,7 @@ def enter(
                 )
 
 
-@compiled(float64(float64, float64), called_from_python=False)
+@compiled(called_from_python=False)
 def passed(distance: float, sigma: float) -> float:
     """Integrate the normal distribution's function up to `distance` mm from its middle, mm."""
     if distance >= _FAR * sigma:
@@ -319,8 +319,8 @@ def passed(distance: float, sigma: float) -> float:
     return sigma * (_PASSED[i] + before * (rise + after * bend))
 
 
-@compiled(void(float64, REALS, REALS_2D, float64, REALS), called_from_python=False)
-def reach(at: float, bounds: Reals, taxels: Reals, sigma: float, felt: Reals) -> None:
+@compiled(called_from_python=False)
+def reach(at: float, bounds: Reals1D, taxels: Reals2D, sigma: float, felt: Reals1D) -> None:
     """Tell what each taxel feels of a force of 1 N/mm all along the axis up to `at`, or the pad's end: fills felt, N.
 
     at: mm. bounds: (2,) mm, of the pad. taxels: (taxels, 2) mm. sigma: mm. felt: (taxels,). What lies before the pad's
@@ -334,12 +334,10 @@ def reach(at: float, bounds: Reals, taxels: Reals, sigma: float, felt: Reals) ->
         felt[taxel] = before - beyond
 
 
-@compiled(
-    float64(REALS, REALS_2D, int64, float64, REALS, REALS_2D, float64, REALS, REALS), called_from_python=False
-)
+@compiled(called_from_python=False)
 def feel(
-    edges: Reals, reached: Reals, cell: int, shift: float, bounds: Reals, taxels: Reals, sigma: float, spare: Reals,
-    felt: Reals,
+    edges: Reals1D, reached: Reals2D, cell: int, shift: float, bounds: Reals1D, taxels: Reals2D, sigma: float,
+    spare: Reals1D, felt: Reals1D,
 ) -> float:  # fmt: skip
     """Tell along one axis what the taxels feel of 1 N that is spread evenly over the covered part of a cell.
 
@@ -369,8 +367,8 @@ def feel(
     return (min(max(high, bounds[0]), bounds[1]) - min(max(low, bounds[0]), bounds[1])) / (high - low)
 
 
-@compiled(float64(CARRIED, TAXELS, REALS_2D))
-def spread_forces(carried: Carried, taxels: Taxels, image: Reals) -> float:
+@compiled()
+def spread_forces(carried: Carried, taxels: Taxels, image: Reals2D) -> float:
     """Spread the forces on a lattice of cells over the taxels; what lies beyond the pad is not felt.
 
     Adds N to image (rows, columns) and returns the force on the pad, N.

@@ -9,14 +9,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import boolean, float64, int32, int64, types
-from numpy.typing import NDArray
 
-from tactsim.core.compiling import INTS, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
-from tactsim.press.geom_gap import BODY, FACETED, POSE, Body, Pose, among, union_gaps
+from tactsim.core.compiling import Int32s2D, Ints1D, Reals1D, Reals2D, Reals3D, compiled
+from tactsim.press.geom_gap import FACETED, Body, Pose, among, union_gaps
 from tactsim.press.layer_balance import approach, balance
-from tactsim.press.pad_kernels import CARRIED, TAXELS, Carried, Taxels, spread_forces
-from tactsim.press.pad_surface import FACE, Face, dot, lay_lines, place, stepped
+from tactsim.press.pad_kernels import Carried, Taxels, spread_forces
+from tactsim.press.pad_surface import Face, dot, lay_lines, place, stepped
 
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
@@ -50,11 +48,11 @@ class Load(NamedTuple):
     """
 
     force: float
-    direction: Reals
-    points: Reals
-    centre: Reals
-    axes: Reals
-    spreads: Reals
+    direction: Reals1D
+    points: Reals2D
+    centre: Reals1D
+    axes: Reals2D
+    spreads: Reals1D
 
 
 class Contacts(NamedTuple):
@@ -65,12 +63,12 @@ class Contacts(NamedTuple):
     it is of its body's geoms, as `Body` lists them, and -1 if it is not among them.
     """
 
-    forces: Reals
-    geoms: NDArray[np.int32]
-    frames: Reals
-    points: Reals
-    bodies: Ints
-    places: Ints
+    forces: Reals2D
+    geoms: Int32s2D
+    frames: Reals2D
+    points: Reals2D
+    bodies: Ints1D
+    places: Ints1D
 
 
 class Frames(NamedTuple):
@@ -80,21 +78,16 @@ class Frames(NamedTuple):
     of n joints turns the body of the geoms on the pad.
     """
 
-    geoms: Ints
-    rotations: Reals
-    positions: Reals
-    rotation: Reals
-    origin: Reals
-    turning: Reals
+    geoms: Ints1D
+    rotations: Reals2D
+    positions: Reals2D
+    rotation: Reals2D
+    origin: Reals1D
+    turning: Reals2D
 
 
-LOAD = types.NamedTuple((float64, REALS, REALS_2D, REALS, REALS_2D, REALS), Load)
-CONTACTS = types.NamedTuple((REALS_2D, int32[:, ::1], REALS_2D, REALS_2D, INTS, INTS), Contacts)
-FRAMES = types.NamedTuple((INTS, REALS_2D, REALS_2D, REALS_2D, REALS, REALS_2D), Frames)
-
-
-@compiled(REALS(REALS_2D, REALS_2D), called_from_python=False)
-def uncorrelate(axes: Reals, rows: Reals) -> Reals:
+@compiled(called_from_python=False)
+def uncorrelate(axes: Reals2D, rows: Reals2D) -> Reals1D:
     """Turn two axes (2, 3) in their plane until the parts of m vectors (m, 3) along them are uncorrelated.
 
     Changes axes. Returns the root of the summed squares of the parts along each: (2,), the singular values.
@@ -114,8 +107,8 @@ def uncorrelate(axes: Reals, rows: Reals) -> Reals:
     return np.sqrt(squares[:2])
 
 
-@compiled(LOAD(REALS, REALS_2D, REALS_2D, REALS_2D), called_from_python=False)
-def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load:
+@compiled(called_from_python=False)
+def load_of(forces: Reals1D, pushes: Reals2D, points: Reals2D, turning: Reals2D) -> Load:
     """Add up k contacts of a body, in the pad's frame, as `turn_contacts` gives them.
 
     forces: (k,) N. pushes: (k, 3) N. points: (k, 3) mm. turning: (n, 3) rad a unit, as in `Frames`.
@@ -144,11 +137,10 @@ def load_of(forces: Reals, pushes: Reals, points: Reals, turning: Reals) -> Load
     return Load(force, direction, points, centre, axes, spreads)
 
 
-@compiled(
-    types.Tuple((REALS, REALS_2D, REALS_2D, REALS_2D, INTS))(CONTACTS, FRAMES, int64),
-    called_from_python=False,
-)
-def turn_contacts(contacts: Contacts, frames: Frames, number: int) -> tuple[Reals, Reals, Reals, Reals, Ints]:
+@compiled(called_from_python=False)
+def turn_contacts(
+    contacts: Contacts, frames: Frames, number: int
+) -> tuple[Reals1D, Reals2D, Reals2D, Reals2D, Ints1D]:
     """Turn those of the contacts that press the pad and that body `number` makes into the pad's frame, k of them.
 
     Returns the normal forces (k,) N, the same from the pad (k, 3) N, the friction on the pad (k, 3) N, the points
@@ -171,8 +163,8 @@ def turn_contacts(contacts: Contacts, frames: Frames, number: int) -> tuple[Real
     return forces[:count], pushes[:count], shears[:count], points[:count], geoms[:count]
 
 
-@compiled(INTS(REALS, REALS_2D, INTS), called_from_python=False)
-def group_contacts(forces: Reals, pushes: Reals, geoms: Ints) -> Ints:
+@compiled(called_from_python=False)
+def group_contacts(forces: Reals1D, pushes: Reals2D, geoms: Ints1D) -> Ints1D:
     """Put those of a body's k contacts together that are made in about one direction: the number of each's group, (k,).
 
     forces (k,) N and pushes (k, 3) N from the pad; geoms: (k,), what touches. The geoms come by the force that they
@@ -203,7 +195,7 @@ def group_contacts(forces: Reals, pushes: Reals, geoms: Ints) -> Ints:
             ways[known] = 0.0
 
 
-@compiled(POSE(FRAMES), called_from_python=False)
+@compiled(called_from_python=False)
 def pose_of(frames: Frames) -> Pose:
     """Put the frames of geoms into the pad's."""
     count = len(frames.geoms)
@@ -214,8 +206,8 @@ def pose_of(frames: Frames) -> Pose:
     return Pose(rotations, positions)
 
 
-@compiled(POSE(POSE, LOAD, float64, REALS), called_from_python=False)
-def sunken(pose: Pose, load: Load, depth: float, turn: Reals) -> Pose:
+@compiled(called_from_python=False)
+def sunken(pose: Pose, load: Load, depth: float, turn: Reals1D) -> Pose:
     """Move a body by what balances a load, so that it sinks `depth` mm in; turn: (3,) rad about the load's centre.
 
     The turn is that of the surface about the body: the body turns the other way.
@@ -238,14 +230,9 @@ def sunken(pose: Pose, load: Load, depth: float, turn: Reals) -> Pose:
     return Pose(rotations, positions)
 
 
-@compiled(
-    types.Tuple((CARRIED, BODY, POSE, float64, float64))(
-        FACE, TAXELS, BODY, POSE, LOAD, REALS, REALS, float64
-    ),
-    called_from_python=False,
-)
+@compiled(called_from_python=False)
 def press_cells(
-    face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load, u: Reals, v: Reals, sunk: float
+    face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load, u: Reals1D, v: Reals1D, sunk: float
 ) -> tuple[Carried, Body, Pose, float, float]:
     """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
 
@@ -309,7 +296,7 @@ def press_cells(
     return Carried(forces.reshape(columns, rows), moved, u, v), parts, there, sunk + motion[0], straight
 
 
-@compiled(boolean(FACE, LOAD), called_from_python=False)
+@compiled(called_from_python=False)
 def beside(face: Face, load: Load) -> bool:
     """Tell whether all contact points are beside the face: on another side of the geom, or past its rim."""
     points, way = load.points, load.direction
@@ -328,7 +315,7 @@ def beside(face: Face, load: Load) -> bool:
     return True
 
 
-@compiled(types.Tuple((CARRIED, float64))(FACE, TAXELS, BODY, POSE, LOAD), called_from_python=False)
+@compiled(called_from_python=False)
 def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
     """Let the layer carry a load: what it carries, and how far it gives way, mm.
 
@@ -389,10 +376,10 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
     return carried, 0.0
 
 
-@compiled(types.Tuple((REALS_3D, REALS))(FACE, TAXELS, BODY, FRAMES, CONTACTS, int64))
+@compiled()
 def press(
     face: Face, taxels: Taxels, body: Body, frames: Frames, contacts: Contacts, number: int
-) -> tuple[Reals, Reals]:
+) -> tuple[Reals3D, Reals1D]:
     """Let the layer carry what a rigid body does in each direction, and the taxels feel it.
 
     number: the body's among those of the contacts. Returns what each taxel feels, (3, rows, columns) N: the normal

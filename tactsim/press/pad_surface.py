@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import boolean, float64, int64, types
 
-from tactsim.core.compiling import REALS, REALS_2D, REALS_3D, Reals, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
 
@@ -40,15 +39,12 @@ class Face(NamedTuple):
     """
 
     kind: int
-    size: Reals
-    grid: Reals
-    relief: Reals
-    low: Reals
-    high: Reals
+    size: Reals1D
+    grid: Reals1D
+    relief: Reals3D
+    low: Reals1D
+    high: Reals1D
     depth: float
-
-
-FACE = types.NamedTuple((int64, REALS, REALS, REALS_3D, REALS, REALS, float64), Face)
 
 
 class Lines(NamedTuple):
@@ -58,14 +54,11 @@ class Lines(NamedTuple):
     (n,) mm^2 of surface for a mm^2 of (u, v). Where all lines are parallel, normals and spans have one row.
     """
 
-    points: Reals
-    normals: Reals
-    span_u: Reals
-    span_v: Reals
-    area: Reals
-
-
-LINES = types.NamedTuple((REALS_2D, REALS_2D, REALS_2D, REALS_2D, REALS), Lines)
+    points: Reals2D
+    normals: Reals2D
+    span_u: Reals2D
+    span_v: Reals2D
+    area: Reals1D
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,14 +164,14 @@ def _require(holds: bool, name: str, message: str) -> None:
         raise InputError(f"geom {short(name)} {message}")
 
 
-@compiled(float64(REALS_2D, int64, REALS_2D, int64), called_from_python=False)
-def dot(left: Reals, row: int, right: Reals, other: int) -> float:
+@compiled(called_from_python=False)
+def dot(left: Reals2D, row: int, right: Reals2D, other: int) -> float:
     """Multiply a row of left (n, 3) with one of right (m, 3)."""
     return left[row, 0] * right[other, 0] + left[row, 1] * right[other, 1] + left[row, 2] * right[other, 2]
 
 
-@compiled(LINES(FACE, REALS, REALS, float64, float64))
-def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
+@compiled()
+def lay_lines(face: Face, u: Reals1D, v: Reals1D, du: float, dv: float) -> Lines:
     """Lay n lines along the normals at u and v (n,) mm of a face, in the middles of cells of du x dv mm."""
     count = 1 if face.kind == FLAT else len(u)
     points, area = np.zeros((len(u), 3)), np.ones(len(u))
@@ -239,8 +232,8 @@ def lay_lines(face: Face, u: Reals, v: Reals, du: float, dv: float) -> Lines:
     return Lines(points, normals, span_u, span_v, area)
 
 
-@compiled(boolean(FACE, REALS, REALS), called_from_python=False)
-def stepped(face: Face, low: Reals, high: Reals) -> bool:
+@compiled(called_from_python=False)
+def stepped(face: Face, low: Reals1D, high: Reals1D) -> bool:
     """Tell whether a relief jumps between geoms within low and high, (2,) mm: by its jumps before the four corners."""
     if face.kind != RELIEF:
         return False
@@ -253,8 +246,8 @@ def stepped(face: Face, low: Reals, high: Reals) -> bool:
     return along_x > jumps[last[0], first[1]] - jumps[first[0], first[1]]
 
 
-@compiled(REALS_2D(FACE, REALS_2D))
-def place(face: Face, points: Reals) -> Reals:
+@compiled()
+def place(face: Face, points: Reals2D) -> Reals2D:
     """Give (u, v), (k, 2) mm, of a face below points (k, 3) mm of the pad's frame."""
     placed = points[:, :2].copy()
     for i in range(len(points)):

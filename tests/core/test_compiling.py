@@ -6,29 +6,29 @@ import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, typeof
 
 from tactsim.bench.compile_kernels import modules_with_kernels
+from tactsim.core.compiling import Ints1D, Reals, Reals2D, numba_type
 
 CALLEE = """
 from tactsim.core.compiling import compiled
-from numba import int64
 STEP = 1
 
-@compiled(int64(int64), called_from_python=False)
-def callee(x):
+@compiled(called_from_python=False)
+def callee(x: int) -> int:
     return x + 1
 """
 CALLER = """
-from numba import int64
 from inner_loops.callee import STEP, callee
 from tactsim.core.compiling import compiled
 
-@compiled(int64(int64))
-def caller(x):
+@compiled()
+def caller(x: int) -> int:
     return 10 * callee(x) + STEP
 """
 # Answers each question in a process of its own, forked before anything is compiled: numba is imported once.
@@ -49,6 +49,18 @@ for line in sys.stdin:
         os._exit(0)
     print(os.waitpid(child, 0)[1], flush=True)
 """
+
+
+class Weighted(NamedTuple):
+    matrix: Reals2D
+    weight: float
+
+
+def test_annotations_name_the_types_of_what_is_passed_and_of_arrays_the_dimensions():
+    assert numba_type(Weighted) == typeof(Weighted(np.eye(3), 1.0))
+    assert numba_type(tuple[bool, Ints1D]) == typeof((True, np.arange(3)))
+    with pytest.raises(TypeError, match="no compiled function can take"):
+        numba_type(Reals)
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
 
-from tactsim.core.compiling import INTS, INTS_2D, REALS, REALS_2D, REALS_3D, Ints, Reals, compiled
+from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.press.facet_kernels import cut
 
 STATE = 3  # what `touch_all` finds: travel mm, force N, the layer's stiffness N/mm^3
@@ -31,22 +30,16 @@ _ON_EDGE = 1e-9  # by which a point may miss a facet and still be on it, so that
 class Mesh(NamedTuple):
     """The object: vertices (v, 3) mm, and faces (f, 3), the numbers of corners, counter-clockwise seen from outside."""
 
-    vertices: Reals
-    faces: Ints
-
-
-MESH = types.NamedTuple((REALS_2D, INTS_2D), Mesh)
+    vertices: Reals2D
+    faces: Ints2D
 
 
 class Starts(NamedTuple):
     """Where n touches begin: places (n, 3) mm and rotations (n, 3, 3), sensor_in_object; strokes (n,) mm at most."""
 
-    places: Reals
-    rotations: Reals
-    strokes: Reals
-
-
-STARTS = types.NamedTuple((REALS_2D, REALS_3D, REALS), Starts)
+    places: Reals2D
+    rotations: Reals3D
+    strokes: Reals1D
 
 
 class Lattice(NamedTuple):
@@ -59,21 +52,16 @@ class Lattice(NamedTuple):
     share of a force that the taxels feel along the surface, for points on all lines and on every COARSE-th.
     """
 
-    origin: Reals
-    step: Reals
+    origin: Reals1D
+    step: Reals1D
     columns: int
     rows: int
-    bounds: Reals
-    surface: Reals
-    facing: Reals
-    cell: Ints
-    felt_u: Reals
-    felt_v: Reals
-
-
-LATTICE = types.NamedTuple(
-    (REALS, REALS, int64, int64, REALS, REALS, REALS, INTS_2D, REALS_3D, REALS_3D), Lattice
-)
+    bounds: Reals1D
+    surface: Reals1D
+    facing: Reals1D
+    cell: Ints2D
+    felt_u: Reals3D
+    felt_v: Reals3D
 
 
 class Layer(NamedTuple):
@@ -83,11 +71,8 @@ class Layer(NamedTuple):
     thickness: float
 
 
-LAYER = types.NamedUniTuple(float64, 2, Layer)
-
-
-@compiled(void(REALS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
-def seen_from(vertices: Reals, place: Reals, rotation: Reals, corners: Reals) -> None:
+@compiled(called_from_python=False)
+def seen_from(vertices: Reals2D, place: Reals1D, rotation: Reals2D, corners: Reals2D) -> None:
     """Write vertices (v, 3) mm in the frame at place (3,) mm with the axes rotation (3, 3): fills corners (v, 3)."""
     for corner in range(len(vertices)):
         x, y, z = (
@@ -99,8 +84,10 @@ def seen_from(vertices: Reals, place: Reals, rotation: Reals, corners: Reals) ->
             corners[corner, axis] = rotation[0, axis] * x + rotation[1, axis] * y + rotation[2, axis] * z
 
 
-@compiled(void(REALS_2D, INTS_2D, REALS, REALS, INTS, REALS), called_from_python=False)
-def draw(corners: Reals, faces: Ints, origin: Reals, step: Reals, window: Ints, height: Reals) -> None:
+@compiled(called_from_python=False)
+def draw(
+    corners: Reals2D, faces: Ints2D, origin: Reals1D, step: Reals1D, window: Ints1D, height: Reals1D
+) -> None:
     """Draw facets into a height map: the least z of those that look along -z, over each point of a lattice.
 
     corners: (v, 3) mm in the sensor frame. faces: (f, 3) numbers of corners, counter-clockwise seen from outside.
@@ -133,8 +120,8 @@ def draw(corners: Reals, faces: Ints, origin: Reals, step: Reals, window: Ints, 
                     height[point] = min(height[point], az + of_b * bz + of_c * cz)
 
 
-@compiled(float64(REALS_2D, INTS_2D, REALS, REALS_2D, REALS_2D), called_from_python=False)
-def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: Reals) -> float:
+@compiled(called_from_python=False)
+def foremost(corners: Reals2D, faces: Ints2D, bounds: Reals1D, corner: Reals2D, spare: Reals2D) -> float:
     """Find the least z of all facets that look along -z before a flat pad: mm, infinite if there is none.
 
     A point of the lattice may miss a sharp tip by much. bounds: (4,) x low, x high, y low, y high of the pad, mm.
@@ -170,10 +157,10 @@ def foremost(corners: Reals, faces: Ints, bounds: Reals, corner: Reals, spare: R
     return first
 
 
-@compiled(int64(REALS, LATTICE, INTS, int64, float64, float64, INTS, REALS), called_from_python=False)
+@compiled(called_from_python=False)
 def gather(
-    height: Reals, lattice: Lattice, window: Ints, stride: int, front: float, reach: float, point_number: Ints,
-    gap: Reals,
+    height: Reals1D, lattice: Lattice, window: Ints1D, stride: int, front: float, reach: float, point_number: Ints1D,
+    gap: Reals1D,
 ) -> int:  # fmt: skip
     """List the points of a window that lie less than `reach` mm behind the foremost; returns how many.
 
@@ -197,8 +184,8 @@ def gather(
     return count
 
 
-@compiled(float64(REALS, REALS, int64, float64), called_from_python=False)
-def springs(gap: Reals, rate: Reals, count: int, travel: float) -> float:
+@compiled(called_from_python=False)
+def springs(gap: Reals1D, rate: Reals1D, count: int, travel: float) -> float:
     """Add up springs that begin at gap (count,) mm and give rate (count,) a mm: what they give after a travel."""
     total = 0.0
     for point in range(count):
@@ -206,8 +193,8 @@ def springs(gap: Reals, rate: Reals, count: int, travel: float) -> float:
     return total
 
 
-@compiled(float64(REALS, REALS, int64, float64, float64), called_from_python=False)
-def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -> float:
+@compiled(called_from_python=False)
+def balance(gap: Reals1D, rate: Reals1D, count: int, travel: float, wanted: float) -> float:
     """Find the travel, mm, at which springs give what is wanted, from a travel at which some give something.
 
     The sum is convex and piecewise linear, so Newton's method comes from above and ends at the answer itself.
@@ -227,9 +214,9 @@ def balance(gap: Reals, rate: Reals, count: int, travel: float, wanted: float) -
         travel = (wanted + moment) / total
 
 
-@compiled(int64(INTS, REALS, int64, int64, int64, float64, INTS), called_from_python=False)
+@compiled(called_from_python=False)
 def surround(
-    point_number: Ints, gap: Reals, count: int, columns: int, rows: int, limit: float, window: Ints
+    point_number: Ints1D, gap: Reals1D, count: int, columns: int, rows: int, limit: float, window: Ints1D
 ) -> int:  # fmt: skip
     """Find the window of the whole lattice about the points whose gap is less than `limit` mm; returns its size."""
     left, right, low, high = columns, -1, rows, -1
@@ -243,9 +230,9 @@ def surround(
     return window[2] * window[3]
 
 
-@compiled(void(MESH, STARTS, LATTICE, LAYER, float64, REALS_2D, REALS_2D))
+@compiled()
 def touch_all(
-    mesh: Mesh, starts: Starts, lattice: Lattice, layer: Layer, force: float, states: Reals, images: Reals
+    mesh: Mesh, starts: Starts, lattice: Lattice, layer: Layer, force: float, states: Reals2D, images: Reals2D
 ) -> None:
     """Let the pad come along its z axis until it carries a force, N, from n starts.
 
