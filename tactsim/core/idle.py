@@ -27,8 +27,6 @@ _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
 _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded, and has no say
 _NARROW = 0.05  # of its range: readings at an end of it that lie closer together are at rest, or saturated
-_SATURATED = 0.03  # share of its readings that are the last of its range
-_CLEAR = 1.25  # times as many readings as at the other end
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
 _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
@@ -82,7 +80,8 @@ def find_idle(readings: ArrayLike) -> Idle:
     """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
 
     Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
-    tenth of the presses has the sign of most others. Of fewer than fifty presses nothing can be told: taxels rest at 0.
+    tenth of the presses has the sign of most others; so has one that rests or saturates at an end with the fewer of its
+    readings, and where most do, more load reads more. Of fewer than fifty presses nothing is told: taxels rest at 0.
     """
     values = np.asarray(readings, dtype=float)
     taxels = values.shape[1]
@@ -93,24 +92,25 @@ def find_idle(readings: ArrayLike) -> Idle:
     widths = np.array([[_shortest(half, count) for half in pair] for pair in halves])
     extent = np.ptp(values, axis=0)
     near_equal, felt = _EQUAL * extent, extent > _FELT * np.quantile(extent, 0.9)
-    # A saturated taxel reads the very end again and again, too: of most such taxels fewer readings are near that end.
     counts = np.array([[len(half) for half in pair] for pair in halves])
-    at_end = (values <= values.min(axis=0) + near_equal) | (values >= values.max(axis=0) - near_equal)
-    both = (widths <= _NARROW * extent[:, None]).all(axis=1) & (at_end.mean(axis=0) > _SATURATED)
-    order = np.where(both[:, None], -counts * extent[:, None], widths)
+    both = (widths <= _NARROW * extent[:, None]).all(axis=1)
     with np.errstate(invalid="ignore"):
-        rises, falls = (felt & (order[:, end] < order[:, 1 - end] - near_equal) for end in (0, 1))
-    most = -1.0 if falls.sum() > rises.sum() else 1.0
+        rises, falls = (felt & (widths[:, end] < widths[:, 1 - end] - near_equal) for end in (0, 1))
+    # A taxel that saturates reads one end again and again, too; one that is mostly loaded has few readings at rest.
+    fewer = [both & (counts[:, end] < counts[:, 1 - end]) for end in (0, 1)]
+    doubtful = (rises & fewer[0]) | (falls & fewer[1])
+    rises, falls = rises & ~doubtful, falls & ~doubtful
+    most = -1.0 if falls.sum() > max(rises.sum(), doubtful.sum()) else 1.0
     # At rest all taxels are about as noisy. So where only one end holds readings enough, a wide one is no rest.
     tight = widths.min(axis=1)
     usual = float(np.median(tight[rises | falls])) if (rises | falls).any() else 0.0
     quiet = (tight <= _QUIET * usual + near_equal) | np.isfinite(widths).all(axis=1)
-    clear = quiet & (~both | (counts.max(axis=1) > _CLEAR * counts.min(axis=1)))
-    rises, falls = rises & clear, falls & clear
+    rises, falls = rises & quiet, falls & quiet
     sign = np.where(rises, 1.0, np.where(falls, -1.0, most))
     chosen = [pair[0 if of_taxel > 0 else 1] for pair, of_taxel in zip(halves, sign, strict=True)]
     level = np.array([_shorth(half, equal) for half, equal in zip(chosen, near_equal, strict=True)])
     known = np.isfinite(np.where(sign > 0, widths[:, 0], widths[:, 1])) & (quiet | ~felt)
+    known &= ~np.where(sign > 0, *fewer)
     above = values * sign - level
     loaded = above[:, felt][above[:, felt] > np.max(above[:, felt], axis=0) / 2]
     return Idle(level * sign, sign, known, float(np.median(loaded)) if len(loaded) else 1.0)

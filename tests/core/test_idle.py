@@ -60,13 +60,25 @@ def test_dead_taxels_have_no_say():
     assert (find_idle(readings).sign == -1).all()
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("step", [0.0, 0.7])
-def test_saturated_taxels_are_not_idle(sign, step):
-    readings = sign * np.minimum(pressed(step=step), 25) + 400
-    idle = find_idle(readings)
-    assert (idle.sign == sign).all()
+def test_saturated_taxels_are_not_idle(step):
+    readings = np.minimum(pressed(presses=600, step=step), 25)
+    idle = find_idle(readings + 400)
+    assert (idle.sign == 1).all()
     assert idle.level == pytest.approx(np.full(TAXELS, 400), abs=1)
+    assert idle.known.all()
+    falling = find_idle(400 - readings)  # or a pad that rests at 375 and is mostly loaded
+    assert not falling.known[falling.sign > 0].any()
+
+
+@pytest.mark.parametrize("spread", [0.5, 3, 10])
+def test_taxels_that_rest_at_one_value_and_are_mostly_loaded_rise(spread):
+    rng = np.random.default_rng(0)
+    loaded = rng.random((400, TAXELS)) < 0.7
+    readings = np.where(loaded, 50 + rng.normal(scale=spread, size=loaded.shape), 0.0)
+    idle = find_idle(readings)
+    assert (idle.sign == 1).all()
+    assert not idle.off_zero
 
 
 def test_few_readings_are_taken_as_they_are():
