@@ -24,7 +24,7 @@ from tactsim.bench.leaderboard.ranking import (
 from tactsim.bench.paper import PRINTED, Printed
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
-from tactsim.bench.score import HEADLINES, Scored, recognition_seconds, wilson
+from tactsim.bench.score import HEADLINES, Scored, recognition_seconds
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator, offsets
 from tactsim.core import InputError, Pad
@@ -106,25 +106,11 @@ class Entrant:
         known = self.pooled.trials.known
         if metric == "error_all_mm":
             return self.pooled.mean(self.pooled.errors[:, reading - 1], of=known)
-        if metric == ACCURACY:
-            return self._accuracy(reading)
-        curve = CURVES.get({"error_mm": "error"}.get(metric, metric))
+        curve = CURVES.get({ACCURACY: "right", "error_mm": "error"}.get(metric, metric))
         if curve is not None:
             return curve(self.pooled, reading - 1)
         found = (METRICS | HEADLINES)[metric].compute(Scored(self.pooled.trials, self.bundle.runs[0].objects))
         return Figure(found[reading - 1] if at else found, None, None)
-
-    def _accuracy(self, reading: int) -> Figure:
-        """Give the share that is right; its interval is never narrower than Wilson's.
-
-        Where all trials are right, all draws of the bootstrap are too, which says nothing of the next trial.
-        """
-        right = self.pooled.trials.right[:, reading - 1]
-        drawn = self.pooled.mean(right)
-        low, high = wilson(right.sum(), len(right))
-        assert drawn.low is not None
-        assert drawn.high is not None
-        return Figure(drawn.value, min(drawn.low, float(low)), max(drawn.high, float(high)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -314,12 +314,18 @@ def figure_of(one: Pooled, figure: str) -> Figure:
 
 
 def _right(one: Pooled, k: int) -> Figure:
-    """Give the share that is right; of one scan with Wilson's interval, as a run prints it."""
+    """Give the share that is right; its interval is never narrower than Wilson's, which is that of a run.
+
+    Where all trials are right, all draws of the bootstrap are too, which says nothing of the next trial.
+    """
     right = one.trials.right[:, k]
+    low, high = map(float, wilson(right.sum(), len(right)))
     if len(one.runs) > 1:
-        return one.mean(right)
-    low, high = wilson(right.sum(), len(right))
-    return Figure(float(right.mean()), float(low), float(high))
+        drawn = one.mean(right)
+        assert drawn.low is not None
+        assert drawn.high is not None
+        low, high = min(low, drawn.low), max(high, drawn.high)
+    return Figure(float(right.mean()), low, high)
 
 
 def _error(one: Pooled, k: int) -> Figure:
