@@ -260,10 +260,8 @@ def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]
     """
     lines = text.removeprefix("\ufeff").splitlines()
     above = next((at for at, line in enumerate(lines) if _LABEL.search(line)), 0)
-    lines = [
-        line.lstrip("# ") if at == 0 else "" if line.startswith("#") else line
-        for at, line in enumerate(lines[above:])
-    ]
+    head, rest = lines[above : above + 1], lines[above + 1 :]
+    lines = [line.lstrip("# ") for line in head] + ["" if line.startswith("#") else line for line in rest]
     separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
     rows: list[tuple[str, dict[str, str]]] = []
     try:

@@ -109,11 +109,8 @@ def color(text: str, style: Style) -> Paint | None:
         parsed = parsed.to("srgb")
     values = parsed.coordinates  # of red, green and blue of any kind: white is 1, 1, 1
     if "rgb" not in parsed.space and parsed.space not in ("display-p3", "rec2020"):
-        light, *hues = parsed.to("lab").coordinates
-        values = (
-            light / 100,
-            *(light / 100 + hue / 500 for hue in hues),
-        )  # white is white, and others differ
+        light, *hues = parsed.to("lab").coordinates  # white stays white, and other colours differ
+        values = (light / 100, *(light / 100 + hue / 500 for hue in hues))
     red, green, blue = (round(255 * (value or 0)) for value in values)
     return Paint((red, green, blue), parsed.alpha)
 

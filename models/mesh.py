@@ -208,17 +208,20 @@ def _whole_stl(content: bytes) -> bytes:
     return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", text).encode()
 
 
+def _check_archive(archive: zipfile.ZipFile) -> None:
+    """Refuse a 3MF that is too large, or whose slicer's parts would be joined to the solid."""
+    size = sum(part.file_size for part in archive.infolist())
+    if size > MOST_UNPACKED:
+        raise InputError(f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh")
+    for name in archive.namelist():
+        if name.endswith(".config") and (part := _NO_SOLID.search(archive.read(name))):
+            raise InputError(f"it holds a {part[0].decode()} of a slicer: export the solid without")
+
+
 def _one_model(content: bytes) -> bytes:
     """Put all objects of a 3MF into its main model: trimesh gives a component all meshes of another file it names."""
     with zipfile.ZipFile(BytesIO(content)) as archive:
-        size = sum(part.file_size for part in archive.infolist())
-        if size > MOST_UNPACKED:
-            raise InputError(
-                f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh"
-            )
-        for name in archive.namelist():
-            if name.endswith(".config") and (part := _NO_SOLID.search(archive.read(name))):
-                raise InputError(f"it holds a {part[0].decode()} of a slicer: export the solid without")
+        _check_archive(archive)
         names = [name for name in archive.namelist() if name.endswith(".model")]
         if len(names) < 2:
             return content
@@ -364,9 +367,10 @@ def _check_claims(content: bytes, kind: str) -> None:
     elif kind in ("glb", "gltf"):
         faces = _gltf_faces(content, kind)
     elif kind == "ply":
-        faces = int([*re.findall(rb"element\s+face\s+(\d+)", content[:10_000]), 0][0])
+        claimed = re.search(rb"element\s+face\s+(\d+)", content[:10_000])
+        faces = int(claimed[1]) if claimed else 0
     else:
-        faces = 0  # of an archive the size is checked
+        faces = 0  # a 3MF claims none: `_check_archive` looks at its size
     if faces > MOST_FACES:
         raise InputError(f"it holds about {faces:,} faces; the most is {MOST_FACES:,}: simplify the mesh")
 

@@ -13,6 +13,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from tactsim.core.counters import Counters
+from tactsim.core.errors import counted
 from tactsim.hardware.codecs.lines import LinesFormat, numbers_in, split_line
 from tactsim.hardware.framing import Framer
 
@@ -46,7 +47,8 @@ class GuessedLines:
 
     def describe(self) -> str:
         """Say what the lines are."""
-        what = f"lines of {self.columns} numbers, a frame each; if they are parts of one, let it print a frame a line"
+        numbers = counted(self.columns, "number")
+        what = f"lines of {numbers}, a frame each; if they are parts of one, let it print a frame a line"
         if self.rows > 1:
             columns = self.columns // self.rows
             what = f"frames of {self.rows} lines with {columns} numbers, another line between frames"
@@ -165,7 +167,7 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
     before, tick_s = ["skip"] if skipped else [], 1e-3
     while len(before) < min(columns - 1, 2):
-        steps = np.diff([(numbers_in(row[len(before) :][:1]) or [np.nan])[0] for row in alike])
+        steps = np.diff([(numbers_in([row[len(before)]]) or [np.nan])[0] for row in alike])
         kind = "index" if (steps == 1).all() else "clock"
         if kind in before or len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():
             break

@@ -13,6 +13,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice
+from statistics import mode
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -112,22 +113,22 @@ def read_table(lines: Iterable[bytes]) -> Table:
     commas = separator != "," and any("," in text for text in samples)
     head = [_numbers(text, separator, commas) for text in samples]
     rows = [row for row in head if row is not None]
-    usual = max(map(len, rows), default=0, key=[*map(len, rows)].count)
-    first = next((row for row in rows if len(row) == usual), None)
-    if first is None or usual < 2:
+    width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
+    if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers{but}")
-    tick, remark = _tick(title, [row[0] for row in head if row is not None and len(row) == len(first)])
-    begun = first[0] * tick if first[0] * tick >= _SINCE_1970 else 0.0
+    times = [float(row[0]) for row in rows if len(row) == width]
+    tick, remark = _tick(title, times)
+    begun = times[0] * tick if times[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | None]:
         for row in chain(head, (_numbers(text, separator, commas) for text in filled)):
-            if row is None or len(row) != len(first):
+            if row is None or len(row) != width:
                 yield None
             else:
                 yield Frame(row[1:], seconds=float(row[0] * tick - begun))
 
-    return Table(len(first) - 1, frames(), remark)
+    return Table(width - 1, frames(), remark)
 
 
 def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:

@@ -113,18 +113,8 @@ def test_json_is_one_object_and_nothing_else_on_standard_output(here):
 
 def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_path):
     words = ["--letters", "AEO", "--hold-out", "O", "--estimator", "refined", "--bins", "600"]
-    words += [
-        "--set",
-        "unknown=0.2",
-        "--set",
-        "cell=0.8",
-        "--trials",
-        "2",
-        "--readings",
-        "8",
-        "--out",
-        "here",
-    ]
+    words += ["--set", "unknown=0.2", "--set", "cell=0.8", "--trials", "2", "--readings", "8"]
+    words += ["--out", "here"]
     run = here("run", *words, "--json")
     answer = json.loads(run.stdout)
     assert answer["hold_out"] == ["O"]

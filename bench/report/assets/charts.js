@@ -111,8 +111,9 @@ function bandPath(low, high, sx, sy) {
 }
 
 // A plot of curves over the reading count. `spec`: title, alt, y {kind, low, high, ...}, series of
-// {method, run, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. stars: {method, run, x,
-// y, words} of others' figures, shown with their run, levels: {y, text}, lines across. onReading(k) is called when the pointer asks for a reading.
+// {method, run, dash, values, low, high, bound}; a bound is a line of its own look, without a mark. stars: {run, x, y,
+// words} of others' figures, shown with their run, levels: {y, text}, lines across. onReading(k) is called when the pointer
+// asks for a reading.
 function curves(spec, onReading) {
   const svg = s("svg", { class: "plot", role: "img", "aria-label": spec.alt });
   const box = h("figure", { class: "chart" }, h("figcaption", {}, spec.title), svg);
@@ -144,7 +145,7 @@ function curves(spec, onReading) {
     }
     const runs = new Set(shown.map((one) => one.run));
     for (const star of (spec.stars || []).filter((one) => runs.has(one.run))) {
-      inside.append(s("path", { class: `star m${star.method % COLOURS}`, d: STAR, transform: `translate(${sx(star.x)} ${sy(star.y)})` },
+      inside.append(s("path", { class: `star m${star.run.method % COLOURS}`, d: STAR, transform: `translate(${sx(star.x)} ${sy(star.y)})` },
         s("title", {}, `the paper: ${star.words}`)));
     }
     inside.append(s("line", { class: "cursor", x1: sx(reading), x2: sx(reading), y1: margin.top, y2: height - margin.bottom }));

@@ -27,7 +27,7 @@ function readingsSection(task) {
   const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
   const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
   const [low, high] = task.errorAxis;
-  const stars = task.printed.map((one) => ({ ...one, run: task.runs[one.run], method: task.runs[one.run].method, x: one.readings, y: one.share }));
+  const stars = task.printed.map((one) => ({ ...one, run: task.runs[one.run], x: one.readings, y: one.share }));
 
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
