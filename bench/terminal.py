@@ -202,13 +202,25 @@ def print_places(run: Run, folder: Path) -> None:
         f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, which letters it mixes up, a trial"
     ]
     if run.estimator != standard:
-        nexts.append(f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}")
+        figure = _error_of_default() if paper.beside(run) else ""
+        nexts.append(
+            f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}{figure}"
+        )
     elif not run.in_space and run.config["explore"] == "random" and run.config["scan"] is None:
         nexts.append(
             "bench run --explore information --readings 10  # it chooses the touches; --explore blind does not"
         )
     for line in nexts:
         console.print(f"next     {line}", soft_wrap=True)
+
+
+def _error_of_default() -> str:
+    """Say how exactly the default estimator places the paper's letters, pressed as by default."""
+    from tactsim.bench.leaderboard.best_known import best_known
+
+    task = "letters-offgrid-v1"
+    best = best_known().get(task)
+    return f": {best.default:.2f} mm after 20 readings on task {task}" if best and best.default else ""
 
 
 def print_sweep(places: list[Path]) -> None:

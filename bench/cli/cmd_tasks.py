@@ -95,7 +95,8 @@ def _size(one: Task) -> str:
 def _best(best: Best | None) -> str:
     if best is None:
         return "not known yet"
-    return f"{best.figure} {best.value:.4g}: --estimator {best.words} (commit {best.commit[:12]})"
+    default = "" if best.default is None else f"; the default estimator: {best.default:.4g}"
+    return f"{best.figure} {best.value:.4g}: --estimator {best.words} (commit {best.commit[:12]}){default}"
 
 
 def _print_whole(one: Task, best: Best | None) -> None:

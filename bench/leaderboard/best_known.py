@@ -19,7 +19,8 @@ FILE = Path(__file__).with_name("best_known.toml")
 class Best(BaseModel):
     """The best on a task: the figure that ranks there, its value, the method, and the commit of the harness.
 
-    method: as tables call it. estimator, options: what it is made of.
+    method: as tables call it. estimator, options: what it is made of. default: the default estimator's value; None
+    where nobody submitted it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -30,6 +31,7 @@ class Best(BaseModel):
     commit: str = "unknown"
     estimator: str = ""
     options: dict[str, Any] = {}
+    default: float | None = None
 
     @property
     def words(self) -> str:

@@ -9,12 +9,14 @@ from pathlib import Path
 import tomli_w
 from page_blocks import exit_status
 
+from tactsim.bench.config import RunConfig
 from tactsim.bench.leaderboard import best_known
 from tactsim.bench.leaderboard.best_known import Best
 from tactsim.bench.leaderboard.standings import Standings, read_folder
 from tactsim.core import InputError
 from tactsim.core.files import write_text
 
+_DEFAULT = RunConfig.model_fields["estimator"].default
 _HEADING = "# Made by docs/tools/best_known_results.py from the bundles of results/leaderboard.\n"
 
 
@@ -26,10 +28,13 @@ def best_of(standings: Iterable[Standings]) -> dict[str, Best]:
             continue
         first = of.ranked[0]
         value = first.figure(of.by).value
+        default = next((row.figure(of.by).value for row in of.ranked if row.label == _DEFAULT), None)
         if value is not None:
             commit = first.bundle.commit or "unknown"
             made_of = {"estimator": first.bundle.estimator, "options": dict(first.bundle.options)}
-            best[of.task] = Best(figure=of.by, value=value, method=first.label, commit=commit, **made_of)
+            best[of.task] = Best(
+                figure=of.by, value=value, method=first.label, commit=commit, default=default, **made_of
+            )
     return best
 
 
@@ -42,7 +47,7 @@ def main(words: Sequence[str]) -> int:
         for path, why in found.unreadable:
             raise InputError(f"{path}: {why}")
         best = best_of(found.standings)
-        table = tomli_w.dumps({name: best[name].model_dump() for name in sorted(best)})
+        table = tomli_w.dumps({name: best[name].model_dump(exclude_none=True) for name in sorted(best)})
         write_text(best_known.FILE, _HEADING + table)
 
     return exit_status("best known", work)

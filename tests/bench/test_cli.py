@@ -17,6 +17,7 @@ from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
 from tactsim.bench.cli.app import load, said_of
 from tactsim.bench.experiment import perform
+from tactsim.bench.leaderboard.best_known import best_known
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 
@@ -35,11 +36,14 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_beside_a_run_in_other_poses_it_is_said_that_the_papers_were_its_trainings(here):
-    said = here("run", *SMALL, "--out", "off").stdout
-    assert "the paper, on a real pad and in its training's poses: 100 % from" in " ".join(said.split())
+def test_beside_a_run_stand_the_paper_with_its_poses_and_the_default_estimator(here):
+    said = " ".join(here("run", *SMALL, "--out", "off").stdout.split())
+    assert "the paper, on a real pad and in its training's poses: 100 % from" in said
+    default = best_known()["letters-offgrid-v1"].default
+    assert f"# the default estimator, refined: {default:.2f} mm after 20 readings on task letters" in said
     alone = here("run", *SMALL, "--letters", "AE", "--out", "two").stdout
     assert "the paper" not in alone
+    assert "# the default estimator, refined\n" in alone
 
 
 def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, drawn):

@@ -23,6 +23,7 @@ def folder(tmp_path, monkeypatch):
 def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     write_bundle(entered("good", TASK, skill=2.5, mm=0.1), folder / "good.zip")
     write_bundle(entered("poor", TASK, skill=0.7, mm=6.0), folder / "poor.zip")
+    write_bundle(entered("refined", TASK, skill=0.6, mm=7.0), folder / "refined.zip")
     write_bundle(entered("failed", "slip-v1", status="crashed"), folder / "failed.zip")
     write_bundle(entered("other", TASK, skill=9.0, mm=0.0, task_data="f" * 64), folder / "other-data.zip")
     write_bundle(entered("own", TASK, skill=9.0, mm=0.0, task="mine-v1.toml"), folder / "own.zip")
@@ -33,5 +34,7 @@ def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
     best = found[TASK]
     assert (best.method, best.commit, best.figure) == ("good", "c" * 40, task(TASK).scored[0])
     assert best.value == of.ranked[0].figure(best.figure).value < of.ranked[1].figure(best.figure).value
+    assert best.default == of.ranked[2].figure(best.figure).value > best.value
     shown = " ".join(here("tasks").stdout.split())
     assert f"best error_all_mm@10 {best.value:.4g}: --estimator {best.words} (commit cccccccccccc)" in shown
+    assert f"the default estimator: {best.default:.4g}" in shown
