@@ -302,6 +302,81 @@ def check_count(letter: str, count: int, readings: int) -> None:
         )
 
 
+class _UnderWay:
+    """A trial that is under way: where the object is at each touch, which touches were taken, what was answered."""
+
+    def __init__(
+        self, test: Scan, task: OneTrial, *, letters: Sequence[str], readings: int, seed: int, of: Placement,
+        explore: Explore, press: Press | None, slip: Slip, sequences: bool = False,
+    ) -> None:  # fmt: skip
+        """Hide the object; see `run_trial`. sequences: whether touches are sequences of images."""
+        rng = generator(seed, task, 0)
+        first = hidden_pose(test, rng)
+        self._touches = (
+            RecordedTouches(test, sequences) if press is None else press.touches(task.truth, task.trial, seed)
+        )
+        if explore != "information":
+            self._touches.shuffle(rng)
+        self._true_pose = np.tile(first, (readings, 1))
+        if not slip.still:
+            self._true_pose = slip.poses(first, readings, generator(seed, task, 2))
+        self.readings = readings
+        self._task, self._letters, self._of, self._in_space = task, letters, of, test.in_space
+        self._taken: list[Touch] = []
+        self._label: list[str] = []
+        measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s", "propose_s")
+        self._numbers = {name: np.zeros(readings) for name in measured}
+        self._evaluations = np.empty(readings, dtype=np.int64)
+        self._pose = np.empty((readings, len(first)))
+
+    def touch(self, choose: Callable[[FloatArray], int] = lambda candidates: 0) -> Touch:
+        """Take the next touch that gives a reading: `choose` gets sensor_in_robot (n, 3 or 7), and says which."""
+        k, touch = len(self._taken), None
+        while touch is None:
+            candidates = self._touches.offer(self._true_pose[k])
+            if not len(candidates):
+                raise InputError(
+                    f"{self.readings} readings a trial: no other press of {self._task.truth!r} comes to rest"
+                )
+            start = process_time()
+            chosen = choose(candidates)
+            self._numbers["propose_s"][k] += process_time() - start
+            touch = self._touches.take(chosen, self._true_pose[k])
+        self._taken.append(touch)
+        return touch
+
+    def record(
+        self, estimator: Estimator, estimate: Estimate, update_s: float, estimate_s: float, evaluations: int
+    ) -> None:
+        """Note what was estimated after the next of the touches, checked, with the time that it took."""
+        check_estimate(estimate, estimator, (*self._letters, NONE))
+        k, numbers = len(self._label), self._numbers
+        self._label.append(estimate.label)
+        right = self._task.truth if self._task.truth in self._letters else NONE
+        numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
+        numbers["p_label"][k] = estimate.probabilities[estimate.label]
+        self._pose[k] = estimate.robot_in_object
+        sure = certainty(estimate, self._true_pose[k], self._of)
+        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
+        numbers["update_s"][k], numbers["estimate_s"][k] = update_s, estimate_s
+        self._evaluations[k] = evaluations
+
+    def finished(self) -> Trials:
+        """Give the trial, all of whose touches were taken and answered."""
+        task, taken = self._task, self._taken
+        columns: dict[str, Any] = {
+            "truth": np.array([task.truth]), "known": np.array([task.truth in self._letters]),
+            "trial": np.array([task.trial]), "true_pose": self._true_pose[None],
+            "reading": np.array([[touch.number for touch in taken]]), "label": np.array([self._label]),
+            "pose": self._pose[None], "evaluations": self._evaluations[None],
+            **{name: values[None] for name, values in self._numbers.items()},
+        }  # fmt: skip
+        if not self._in_space:
+            return Trials(**columns)
+        starts, met = np.array([[touch.start for touch in taken]]), np.array([[touch.met for touch in taken]])
+        return SpaceTrials(**columns, start=starts, met=met)
+
+
 def run_trial(
     estimator: Estimator,
     test: Scan,
@@ -329,71 +404,42 @@ def run_trial(
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
     that are left do not come to rest.
     """
-    rng = generator(seed, task, 0)
-    first = hidden_pose(test, rng)
-    touches = (
-        RecordedTouches(test, estimator.takes_sequences)
-        if press is None
-        else press.touches(task.truth, task.trial, seed)
-    )
-    if explore != "information":
-        touches.shuffle(rng)
-    true_pose = np.tile(first, (readings, 1))
-    if not slip.still:
-        true_pose = slip.poses(first, readings, generator(seed, task, 2))
+    trial = _UnderWay(
+        test, task, letters=letters, readings=readings, seed=seed, of=of, explore=explore, press=press, slip=slip,
+        sequences=estimator.takes_sequences,
+    )  # fmt: skip
     estimator.reset(generator(seed, task, 1))
-
-    known = task.truth in letters
-    right, label = task.truth if known else NONE, []
-    taken: list[Touch] = []
-    measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s")
-    numbers = {name: np.empty(readings) for name in measured}
-    propose_s = np.zeros(readings)
-    evaluations = np.empty(readings, dtype=np.int64)
-    pose = np.empty((readings, len(first)))
     before = _evaluations(estimator)
-    for k in range(readings):
-        touch = None
-        while touch is None:
-            candidates = touches.offer(true_pose[k])
-            if not len(candidates):
-                raise InputError(
-                    f"{readings} readings a trial: no other press of {task.truth!r} comes to rest"
-                )
-            chosen = 0
-            if explore == "information":
-                start = process_time()
-                chosen = proposed(estimator, candidates)
-                propose_s[k] += process_time() - start
-            touch = touches.take(chosen, true_pose[k])
-        taken.append(touch)
+    for _ in range(readings):
+        if explore == "information":
+            touch = trial.touch(lambda candidates: proposed(estimator, candidates))
+        else:
+            touch = trial.touch()
         start = process_time()
         estimator.update(touch.reading, touch.sensor_in_robot)
         updated = process_time()
         estimate = estimator.estimate()
-        numbers["estimate_s"][k] = process_time() - updated
-        numbers["update_s"][k] = updated - start
-        check_estimate(estimate, estimator, (*letters, NONE))
-        label.append(estimate.label)
-        numbers["p_truth"][k] = estimate.probabilities.get(right, 0.0)
-        numbers["p_label"][k] = estimate.probabilities[estimate.label]
-        pose[k] = estimate.robot_in_object
-        sure = certainty(estimate, true_pose[k], of)
-        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
-        after = _evaluations(estimator)
-        evaluations[k], before = after - before, after
+        answered, after = process_time(), _evaluations(estimator)
+        trial.record(estimator, estimate, updated - start, answered - updated, after - before)
+        before = after
         if observe is not None:
             observe(estimate, touch)
-    columns: dict[str, Any] = {
-        "truth": np.array([task.truth]), "known": np.array([known]), "trial": np.array([task.trial]),
-        "true_pose": true_pose[None], "reading": np.array([[touch.number for touch in taken]]),
-        "label": np.array([label]), "pose": pose[None], "evaluations": evaluations[None], "propose_s": propose_s[None],
-        **{name: values[None] for name, values in numbers.items()},
-    }  # fmt: skip
-    if not test.in_space:
-        return Trials(**columns)
-    starts, met = np.array([[touch.start for touch in taken]]), np.array([[touch.met for touch in taken]])
-    return SpaceTrials(**columns, start=starts, met=met)
+    return trial.finished()
+
+
+def _run_together(estimator: Estimator, trials: Sequence[_UnderWay]) -> list[Trials]:
+    """Recognise the objects of several trials at once; time and evaluations are shared among all readings."""
+    touches = [[trial.touch() for _ in range(trial.readings)] for trial in trials]
+    seen = np.array([[touch.reading for touch in of_trial] for of_trial in touches])
+    poses = np.array([[touch.sensor_in_robot for touch in of_trial] for of_trial in touches])
+    start, before = process_time(), _evaluations(estimator)
+    estimates = estimator.estimates(seen, poses)
+    seconds = (process_time() - start) / seen[..., 0].size
+    evaluations = (_evaluations(estimator) - before) // seen[..., 0].size
+    for trial, of_trial in zip(trials, estimates, strict=True):
+        for estimate in of_trial:
+            trial.record(estimator, estimate, seconds, 0.0, evaluations)
+    return [trial.finished() for trial in trials]
 
 
 def proposed(estimator: Estimator, candidates: FloatArray) -> int:
@@ -568,14 +614,16 @@ def run_trials(
         for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
             fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
             before = Counter(flatten_work(fitted.work))
-            for task in of_letter:
-                done.append(
-                    run_trial(
-                        fitted, plan.test_readings(task), task, letters=letters,
-                        readings=plan.readings, seed=plan.seed, of=objects[truth], explore=plan.explore,
-                        slip=plan.slip, press=plan.press,
-                    )
-                )  # fmt: skip
+            words: dict[str, Any] = {
+                "letters": letters, "readings": plan.readings, "seed": plan.seed, "of": objects[truth],
+                "explore": plan.explore, "slip": plan.slip, "press": plan.press,
+            }  # fmt: skip
+            hidden = ((plan.test_readings(task), task) for task in of_letter)
+            if fitted.answers_together and plan.explore != "information":
+                done += _run_together(fitted, [_UnderWay(test, task, **words) for test, task in hidden])
+                progress("trials", len(done), len(tasks))
+            for test, task in hidden:
+                done.append(run_trial(fitted, test, task, **words))
                 progress("trials", len(done), len(tasks))
             work.update(flatten_work(fitted.work))
             work.subtract(before)

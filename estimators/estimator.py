@@ -167,6 +167,19 @@ class Estimator(ABC):
         """Tell whether the estimator proposes readings."""
         return type(self).propose is not Estimator.propose
 
+    def estimates(self, readings: FloatArray, sensor_in_robot: FloatArray) -> Sequence[Sequence[Estimate]]:
+        """Say after each of k readings of n trials what `reset`, `update` and `estimate` would, all at once.
+
+        readings: (n, k, taxels) kPa. sensor_in_robot: (n, k, 3). A learned method that is faster so, and draws
+        nothing, may implement it; runs in which it does not choose the touches then call it for all trials of a letter.
+        """
+        raise InputError(f"estimator {name_of(self)} answers one reading at a time: update, then estimate")
+
+    @property
+    def answers_together(self) -> bool:
+        """Tell whether the estimator answers many trials at once."""
+        return type(self).estimates is not Estimator.estimates
+
     def belief_over_plane(self) -> PlaneBelief | None:
         """Show how the belief lies over the plane, for a person to look at; None if it cannot be shown.
 

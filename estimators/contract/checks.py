@@ -249,6 +249,20 @@ def a_proposal_is_a_candidate(case: Case) -> None:
         _hold(index in range(3), f"of three candidates it chose number {index}")
 
 
+def many_trials_at_once_are_as_one_by_one(case: Case) -> None:
+    """Answer many trials at once as one after another, to 1e-5, if the estimator answers so at all."""
+    if not case.learned.answers_together:
+        return
+    _hold(not case.learned.draws, "it answers many trials at once, and says that it draws: draws = False")
+    trials = [case.trial(label, seed=seed) for seed, label in enumerate(case.labels)]
+    readings, poses = (np.array(part) for part in zip(*trials, strict=True))
+    for together, trial in zip(case.learned.estimates(readings, poses), trials, strict=True):
+        for one, (label, probabilities, pose) in zip(together, answers(case.learned, *trial), strict=True):
+            same = one.label == label and np.allclose(one.robot_in_object, pose, atol=1e-5)
+            same &= all(abs(one.probabilities[name] - p) < 1e-5 for name, p in probabilities.items())
+            _hold(same, f"of many trials at once it says {one}; alone {label} {probabilities} at {pose}")
+
+
 def readings_to_test_with_teach_nothing(case: Case) -> None:
     """Learn the same from two scans that differ in their test readings alone."""
     other = make_scan("EIL", poses=_POSES, seed=1)
@@ -341,6 +355,7 @@ CHECKS: tuple[Callable[[Case], Any], ...] = (
     a_pose_far_away_is_taken,
     work_is_counted,
     a_proposal_is_a_candidate,
+    many_trials_at_once_are_as_one_by_one,
     readings_to_test_with_teach_nothing,
     any_pad_will_do_and_a_new_fit_replaces_the_old,
     a_single_object_can_be_localised,

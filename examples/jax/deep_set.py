@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from pydantic import Field
+from scipy.special import softmax
 
 import tactsim
 from tactsim.estimators import Estimate, Estimator, Options, check_order, check_reading
@@ -29,9 +30,9 @@ class DeepSetOptions(Options):
 
 
 def layers(weights, x):
-    """Pass x (..., features) through linear layers with rectifiers between them."""
+    """Pass x (..., features), of NumPy or of JAX, through linear layers with rectifiers between them."""
     for number, (matrix, offset) in enumerate(weights):
-        x = (jax.nn.relu(x) if number else x) @ matrix + offset
+        x = (x * (x > 0) if number else x) @ matrix + offset
     return x
 
 
@@ -41,11 +42,15 @@ def features(readings, sensor_in_robot, scale):
     return np.concatenate([readings / scale, xy, np.cos(angle), np.sin(angle)], axis=-1, dtype=np.float32)
 
 
+def logits(weights, seen):
+    """Judge the letters after each number of readings, (trials, readings, letters); seen: (trials, readings, ...)."""
+    count = np.arange(1, seen.shape[1] + 1, dtype=np.float32)[:, None]
+    return layers(weights[1], layers(weights[0], seen).cumsum(axis=1) / count)
+
+
 def loss(weights, seen, letter):
-    """Mean surprise at the true letter after each number of readings; seen: (trials, readings, features)."""
-    count = jnp.arange(1, seen.shape[1] + 1)[:, None]
-    mean = jnp.cumsum(layers(weights[0], seen), axis=1) / count
-    return optax.softmax_cross_entropy_with_integer_labels(layers(weights[1], mean), letter[:, None]).mean()
+    """Give the mean surprise at the true letter after each number of readings."""
+    return optax.softmax_cross_entropy_with_integer_labels(logits(weights, seen), letter[:, None]).mean()
 
 
 class DeepSet(Estimator):
@@ -53,25 +58,26 @@ class DeepSet(Estimator):
 
     options_type = DeepSetOptions
     draws = False
-    weights, code = None, None
+    weights, touches = None, None
 
     def fit(self, scan):
         """Train on trials drawn from the training readings."""
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")
         options, self.letters, self.scale = self.options, train.letters, max(train.readings.std(), 1e-9)
-        self.taxels, wide, self.code = train.readings.shape[1], options.hidden, None
+        self.taxels, wide, self.touches = train.readings.shape[1], options.hidden, None
         rng = np.random.default_rng(options.seed)
+        he = jax.nn.initializers.he_normal()
         sizes = (self.taxels + 4, wide, wide, wide), (wide, wide, len(self.letters))
-        self.weights = [
+        weights = [
             [
-                (np.float32(rng.normal(0, np.sqrt(2 / m), (m, n))), np.zeros(n, np.float32))
-                for m, n in pairwise(size)
+                (he(jax.random.key(rng.integers(2**32)), size), jnp.zeros(size[1]))
+                for size in pairwise(sizes_of)
             ]
-            for size in sizes
+            for sizes_of in sizes
         ]
         adam = optax.adam(optax.cosine_decay_schedule(3e-3, options.steps))
-        state = adam.init(self.weights)
+        state = adam.init(weights)
 
         @jax.jit
         def step(weights, state, seen, letter):
@@ -82,34 +88,36 @@ class DeepSet(Estimator):
         batches = train.batches(128, min(options.readings, fewest), rng)
         for _, batch in zip(range(options.steps), batches, strict=False):
             seen = features(batch.readings, batch.sensor_in_robot, self.scale)
-            self.weights, state = step(self.weights, state, seen, batch.letter)
-        self.weights = jax.tree.map(
-            np.asarray, self.weights
-        )  # NumPy's arrays can be sent to worker processes
+            weights, state = step(weights, state, seen, batch.letter)
+        self.weights = jax.tree.map(np.asarray, weights)  # NumPy's arrays can be sent to worker processes
+
+    def estimates(self, readings, sensor_in_robot):
+        """Answer many trials at once: readings (trials, readings, taxels)."""
+        seen = features(readings, sensor_in_robot, self.scale)
+        p = softmax(logits(self.weights, seen).astype(float), axis=-1)
+        return [[self.named(of_reading) for of_reading in of_trial] for of_trial in p]
+
+    def named(self, p):
+        """Give the estimate with these probabilities of the letters."""
+        return Estimate(self.letters[int(p.argmax())], dict(zip(self.letters, p, strict=True)), np.zeros(3))
 
     def reset(self, rng):
         """Forget the sequence."""
         check_order(self.weights is not None, "fit", "reset")
-        self.code, self.count = np.zeros(self.options.hidden), 0
+        self.touches = []
 
     def update(self, reading, sensor_in_robot):
-        """Add what the network makes of a reading at its pose."""
-        check_order(self.code is not None, "reset" if self.weights else "fit", "update")
-        seen = features(*check_reading(reading, sensor_in_robot, self.taxels), self.scale)
-        self.code, self.count = self.code + np.asarray(layers(self.weights[0], seen)), self.count + 1
+        """Keep a reading and its pose."""
+        check_order(self.touches is not None, "reset" if self.weights else "fit", "update")
+        self.touches.append(check_reading(reading, sensor_in_robot, self.taxels))
 
     def estimate(self):
         """Name the letter."""
-        check_order(self.code is not None, "reset" if self.weights else "fit", "estimate")
-        logits = (
-            layers(self.weights[1], self.code / max(self.count, 1))
-            if self.count
-            else np.zeros(len(self.letters))
-        )
-        p = np.exp(np.asarray(logits, dtype=float) - np.max(logits))
-        return Estimate(
-            self.letters[int(p.argmax())], dict(zip(self.letters, p / p.sum(), strict=True)), np.zeros(3)
-        )
+        check_order(self.touches is not None, "reset" if self.weights else "fit", "estimate")
+        if not self.touches:
+            return self.named(np.full(len(self.letters), 1 / len(self.letters)))
+        readings, poses = map(np.array, zip(*self.touches, strict=True))
+        return self.estimates(readings[None], poses[None])[0][-1]
 
 
 def pressed(seeds, letters="AEIOU"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tactsim
-from tactsim.bench.config import run_config
+from tactsim.bench.config import Slip, run_config
 from tactsim.bench.experiment import gather, silent
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import wilson
@@ -181,6 +181,55 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     trial = run_trial(witness, of_a, task, **words)
     assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
     assert (trial.evaluations == 7).all()
+
+
+class Together(Blind):
+    """Name the letter that the sum of all readings so far stands for, of one trial or of many at once."""
+
+    draws = False
+
+    def estimates(self, readings, sensor_in_robot):
+        """Answer as one by one does."""
+        self.calls = [*getattr(self, "calls", []), readings.shape]
+        trials = zip(readings.sum(axis=-1).cumsum(axis=1), sensor_in_robot, strict=True)
+        return [list(map(self.named, *of_trial)) for of_trial in trials]
+
+    def named(self, total, pose):
+        """Name a letter by a sum, and the place by a pose."""
+        label = LETTERS[int(total) % len(LETTERS)]
+        return Estimate(label, {label: 1.0}, pose)
+
+    def reset(self, rng):
+        """Forget the sum."""
+        self.total = 0.0
+
+    def update(self, reading, sensor_in_robot):
+        """Add a reading."""
+        self.total, self.pose = self.total + np.sum(reading), np.asarray(sensor_in_robot)
+
+    def estimate(self):
+        """Answer alone."""
+        return self.named(self.total, self.pose)
+
+
+class OneByOne(Together):
+    """The same, asked for one reading at a time."""
+
+    answers_together = False
+
+
+@pytest.mark.parametrize("slip", [Slip(), Slip(walk_mm=0.5)])
+def test_trials_done_at_once_are_those_done_one_by_one(slip):
+    made = Together(Options()), OneByOne(Options())
+    plan = TrialPlan("together", {}, make_scan(), 7, seed=3, slip=slip)
+    tasks = [OneTrial(letter, trial) for letter in "AE" for trial in range(3)]
+    together, alone = (run_trials(plan, one, tasks, progress=silent)[0] for one in made)
+    assert made[0].calls == [(3, 7, 2)] * 2
+    assert not hasattr(made[1], "calls")
+    assert len(set(alone.label.ravel())) > 1
+    for field in fields(Trials):
+        if not field.name.endswith("_s"):
+            np.testing.assert_array_equal(getattr(together, field.name), getattr(alone, field.name))
 
 
 @pytest.mark.parametrize(
