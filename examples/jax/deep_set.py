@@ -10,7 +10,6 @@ of many scans: a network that is told nothing of geometry learns the 192 trainin
 from itertools import pairwise
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import optax
 from pydantic import Field
@@ -67,14 +66,13 @@ class DeepSet(Estimator):
         options, self.letters, self.scale = self.options, train.letters, max(train.readings.std(), 1e-9)
         self.taxels, wide, self.touches = train.readings.shape[1], options.hidden, None
         rng = np.random.default_rng(options.seed)
-        he = jax.nn.initializers.he_normal()
         sizes = (self.taxels + 4, wide, wide, wide), (wide, wide, len(self.letters))
         weights = [
             [
-                (he(jax.random.key(rng.integers(2**32)), size), jnp.zeros(size[1]))
-                for size in pairwise(sizes_of)
+                (np.float32(rng.normal(0, np.sqrt(2 / m), (m, n))), np.zeros(n, np.float32))
+                for m, n in pairwise(size)
             ]
-            for sizes_of in sizes
+            for size in sizes
         ]
         adam = optax.adam(optax.cosine_decay_schedule(3e-3, options.steps))
         state = adam.init(weights)
