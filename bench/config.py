@@ -265,8 +265,7 @@ class ScanWords(BaseModel):
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
     )
     scan_set: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
-        {},
-        description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them.",
+        {}, description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them."
     )
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of all randomness.")
 
@@ -343,8 +342,7 @@ class RunConfig(ScanWords):
         description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
     )
     bound: bool = Field(
-        False,
-        description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses.",
+        False, description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses."
     )
     given: Annotated[str | None, Flags(())] = Field(
         None, description="Digest of the readings that were given in Python."

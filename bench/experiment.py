@@ -277,10 +277,7 @@ def train_scan(config: RunConfig) -> Scan:
 
 
 def plan_of(
-    config: Config,
-    scan: Scan,
-    given: Estimator | None = None,
-    solids: Mapping[str, Placement] | None = None,
+    config: Config, scan: Scan, given: Estimator | None = None, solids: Mapping[str, Placement] | None = None
 ) -> TrialPlan:
     """Put together what a worker needs to do this run's trials on these readings. solids: of `Gathered`."""
     if not isinstance(config, RunConfig):

@@ -328,13 +328,9 @@ SPACE_METRICS: dict[str, Metric] = {
         "Median angle where the object is right.",
         lambda scored: _median(np.degrees(scored.angle), scored.trials.named),
     ),
-    "met": Metric(
-        "Share of the touches that met the object with one pad at least.",
-        met,
-    ),
+    "met": Metric("Share of the touches that met the object with one pad at least.", met),
     "by_object": Metric(
-        "Give accuracy, mean surface distance and angle of each object after the last touch.",
-        by_object,
+        "Give accuracy, mean surface distance and angle of each object after the last touch.", by_object
     ),
 }
 

@@ -6,6 +6,7 @@ import gzip
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from io import BufferedReader, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import numpy as np
 
 from tactsim.core.checking import checked
 from tactsim.core.counters import Counters
-from tactsim.core.errors import InputError
+from tactsim.core.documents import encoding_of
+from tactsim.core.errors import InputError, counted, short
 from tactsim.core.files import open_regular
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, Source, SourceEnded, SourceError
@@ -180,16 +182,16 @@ class CsvReplay(Source):
         self.unit = device.codec.reading_unit
         self.counters = Counters()
         self._codec, self._wiring = device.build_codec(), device.wiring(device.part[0])
-        self._clock, self._in_garbage = DeviceClock(1.0, None), False
+        self._clock, self._first_out = DeviceClock(1.0, None), ""
         try:
             self._file = open_regular(self.path)
         except InputError as error:
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
         try:
-            packed = self._file.read(2) == b"\x1f\x8b"
-            self._file.seek(0)
-            lines = gzip.GzipFile(fileobj=self._file) if packed else self._file
-            taxels, self._frames, self._remark = read_table(lines)
+            packed = self._file.peek(2)[:2] == b"\x1f\x8b"
+            lines = BufferedReader(gzip.GzipFile(fileobj=self._file)) if packed else self._file
+            self._texts = TextIOWrapper(lines, encoding_of(lines.peek(2)), errors="replace")
+            taxels, self._frames, self._remark = read_table(self._texts)
             if taxels != device.codec.taxels:
                 raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
         except (InputError, OSError, EOFError) as error:
@@ -200,18 +202,18 @@ class CsvReplay(Source):
         """Return the next reading at once; see `Source.read`."""
         try:
             for frame in () if self._file.closed else self._frames:
-                if frame is not None:
-                    self._in_garbage = False
+                if isinstance(frame, Frame):
                     return self._reading(frame)
-                self.counters.resyncs += not self._in_garbage
-                self._in_garbage = True
+                self.counters.resyncs += 1
+                self._first_out = self._first_out or frame.strip()
         except (OSError, EOFError) as error:
             raise SourceError(f"{self.path}: {error}") from error
         raise SourceEnded(f"{self.path} has no more readings")
 
     def summary(self) -> list[str]:
-        """Say how the time was read where its title does not say it."""
-        return [] if self._remark is None else [self._remark]
+        """Say how the time was read where its title does not say it, and which lines were no readings."""
+        left = f"{counted(self.counters.resyncs, 'line')} left out as no reading, the first {short(self._first_out)}"
+        return [*filter(None, [self._remark]), *([left] if self._first_out else [])]
 
     def close(self) -> None:
         """Close the file."""
@@ -235,6 +237,5 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    of_the_vendor = re.search(r"\.csv(\.gz)?$", places[0], re.IGNORECASE)
-    ours = of_the_vendor is None or is_recording(places[0])
-    return Replay(places[0]) if ours else CsvReplay(places[0], device)
+    text = re.search(r"\.(csv|tsv|txt|asc|lvm)(\.gz)?$", places[0], re.IGNORECASE)
+    return Replay(places[0]) if text is None or is_recording(places[0]) else CsvReplay(places[0], device)

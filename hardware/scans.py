@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -17,22 +15,20 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from tactsim.core.checking import checked
-from tactsim.core.documents import read_text
+from tactsim.core.documents import SMALL, read_text
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import opened
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import MOST_TURNED, Scan
 from tactsim.core.source import Source, SourceError
+from tactsim.hardware import text_tables
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import STRICT
 from tactsim.hardware.press_readings import Moments, PressReadings, Window
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
 from tactsim.hardware.session import Plan, Press, note, parse_press
-
-_LABEL = re.compile(r'(?:^[#\s]*|[,;\t]\s*)"?label"?\s*(?:[,;\t]|$)')  # a cell of the title
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass
@@ -244,47 +240,44 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
     Raises InputError with the line that is wrong.
     """
-    rows = [checked(Interval, row, place) for place, row in csv_rows(read_text(path, "marks"), path)]
-    if not rows:
-        raise InputError(
-            f"{path} has no marks; its columns are {', '.join(Interval.model_fields)}, one line a press"
-        )
-    return rows
+    return [checked(Interval, row, place) for place, row in named_rows(path, "marks", Interval)]
 
 
-def csv_rows(text: str, path: str | Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Read CSV with a line of names: where each line stands, and its words by name. Raises InputError.
+def named_rows(
+    path: str | Path, what: str, kind: type[PlacedPress], most: int = SMALL
+) -> Iterator[tuple[str, dict[str, str]]]:
+    """Read a table of presses: where each row stands, and its words by name. Raises InputError.
 
-    A spreadsheet may have saved it with a byte order mark, semicolons or tabs, and decimal commas. Lines above the one
-    with the name `label` are left out, and lines that begin with #.
+    The line of names is the one of the first 40 that has the most names of `kind`, in capitals or not. What stands
+    above it is left out, and so are lines that begin with #, and empty rows.
     """
-    lines = text.removeprefix("\ufeff").splitlines()
-    above = next((at for at, line in enumerate(lines) if _LABEL.search(line)), 0)
-    head, rest = lines[above : above + 1], lines[above + 1 :]
-    lines = [line.lstrip("# ") for line in head] + ["" if line.startswith("#") else line for line in rest]
-    separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
-    rows: list[tuple[str, dict[str, str]]] = []
-    try:
-        reader = csv.DictReader(lines, delimiter=separator)
-        titles = [title.strip() for title in reader.fieldnames or ()]
-        for title in filter(None, titles):
-            if titles.count(title) > 1:
-                raise InputError(f"{path}: two columns are called {title!r}")
-        for row in reader:
-            where = f"{path}, line {above + reader.line_num}"
-            if any(word.strip() for word in row.pop(None, ())):
-                raise InputError(f"{where}: it has more columns than the title {short(lines[0])}")
-            words = {name.strip(): word.strip() for name, word in row.items() if word is not None}
-            rows.append((where, {name: word for name, word in words.items() if name}))
-    except csv.Error as error:
-        raise InputError(f"{path} is no table (CSV): {error}") from error
-    numbers = [(words, name) for _, words in rows for name in words if name not in ("label", "split")]
-    if separator != "," and any(_DECIMAL_COMMA.fullmatch(words[name]) for words, name in numbers):
-        for words, name in numbers:
-            # A point beside them may be one of thousands: such a word is no number.
-            points = f"{words[name]} among decimal commas"
-            words[name] = points if "." in words[name] else words[name].replace(",", ".")
-    yield from rows
+    lines = read_text(path, what, most).splitlines()
+    known = {name.lower(): name for name in (*kind.model_fields, "theta_deg")}
+    titles = (text_tables.title_cells(line) for line in lines[: text_tables.TITLE_WITHIN])
+    heads = [[known.get(cell.lower(), cell) for cell in cells] for cells in titles]
+    names = max(heads, key=lambda head: len({*head}.intersection(known.values())), default=[])
+    if not {*names}.intersection(known.values()):
+        raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}")
+    above = heads.index(names) + 1
+    separator = text_tables.separator_of(lines[above - 1])
+    below = ("" if line[:1] == "#" else line for line in lines[above:])
+    rows = list(text_tables.cells_of(below, separator, path))
+    for name in filter(None, names):
+        if names.count(name) > 1:
+            raise InputError(f"{path}: two columns are called {name!r}")
+    words = [at for at, name in enumerate(names) if name in ("label", "split")]
+    numbers = (cell for _, row in rows for at, cell in enumerate(row) if at not in words)
+    commas = text_tables.has_decimal_commas(numbers, separator)
+    if not any(row for _, row in rows):
+        raise InputError(f"{path} holds no {what}: there is no row below the names {', '.join(names)}")
+    for number, row in rows:
+        where = f"{path}, line {above + number}"
+        if any(row[len(names) :]):
+            raise InputError(f"{where}: it has more columns than the title {short(lines[above - 1])}")
+        if row:
+            cells = text_tables.with_points(row, separator, commas)
+            named = {name: row[at] if at in words else cells[at] for at, name in enumerate(names[: len(row)])}
+            yield where, {name: word for name, word in named.items() if name}
 
 
 def scan_of_intervals(

@@ -36,10 +36,7 @@ names, listing = _SOURCES.names, _SOURCES.listing
 
 
 def open_source(
-    places: Sequence[str],
-    device: Device,
-    calibration: Calibration | None = None,
-    log: Log | None = None,
+    places: Sequence[str], device: Device, calibration: Calibration | None = None, log: Log | None = None
 ) -> Source:
     """Open the source at `places`, as many as the device has ports.
 

@@ -54,7 +54,7 @@ def command(
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
-    from tactsim.bench.formats.csv_file import read_press_table
+    from tactsim.bench.formats.csv_file import TABLES, read_press_table
     from tactsim.bench.pad.measured import with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Scan
@@ -63,7 +63,7 @@ def command(
 
     check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
     names = ("readings", "poses", "labels", "split")
-    table = source.suffix.lower() == ".csv"
+    table = source.suffix.lower() in TABLES
     if table or source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:
@@ -79,11 +79,7 @@ def command(
             )
         measures = load_device(pad).pad
         if table:
-            refuse_typed(
-                context,
-                names,
-                "is of .npz and .mat files; a .csv file has columns of fixed names",
-            )
+            refuse_typed(context, names, "is of .npz and .mat files; a table has columns of fixed names")
             scan = read_press_table(source, measures, unit)
         else:
             called = {"readings": readings, "poses": poses, "labels": labels} | (

@@ -96,7 +96,7 @@ def _record_session(
     console.print(pads.counters_line(sitting.counters))
     if not sitting.done:
         console.print(
-            f"{sitting.presses} of {len(plan.poses)} presses are in {journal}; the same command with --resume goes on",
+            f"{sitting.presses} of {len(plan.poses)} presses are in {journal}; the same command with --resume goes on"
         )
         return
     scan = with_letters(scan_of_sessions([journal]))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def command(
     context: typer.Context,
     recordings: Annotated[
-        list[Path], typer.Argument(help="Recordings (.tactrec), or one of the PPS tool (.csv).")
+        list[Path], typer.Argument(help="Recordings (.tactrec), or one as a table of text (.csv).")
     ],
     scan: Annotated[
         Path | None, typer.Option(help="Write their presses as one scan, .npz, for `bench run --scan`.")

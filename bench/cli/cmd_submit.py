@@ -46,13 +46,7 @@ def command(
     method = Method(estimator, key_values(options or [], "--set"))
     with progress_bars() as progress:
         bundle, output = submit(
-            task,
-            method,
-            title=title,
-            reproducible=reproducible,
-            jobs=jobs,
-            cache=cache,
-            progress=progress,
+            task, method, title=title, reproducible=reproducible, jobs=jobs, cache=cache, progress=progress
         )
     done = bundle.status == DONE
     scored = figures_of(bundle, read_task(task).scored) if done else {}

@@ -27,8 +27,7 @@ Force = Annotated[
 Patience = Annotated[
     float | None,
     shared.number(
-        "Seconds after which a press is taken as it is, for a machine that presses.",
-        rich_help_panel=PANEL,
+        "Seconds after which a press is taken as it is, for a machine that presses.", rich_help_panel=PANEL
     ),
 ]
 Seen = Annotated[

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -107,7 +106,7 @@ Hand = Annotated[
 
 
 def idle_frames(path: Path | None) -> Any:
-    """Read idle readings (n, taxels) from a table of text, perhaps with a title, or a .npy file.
+    """Read idle readings (n, taxels) from a table of text, also a recording with times, or a .npy file.
 
     Raises InputError if it is neither.
     """
@@ -115,19 +114,21 @@ def idle_frames(path: Path | None) -> Any:
         return None
     import numpy as np
 
+    from tactsim.core.documents import LARGE, read_text
+    from tactsim.hardware.codecs.codec import CodecError, Frame
+    from tactsim.hardware.codecs.pps_csv import read_table
+    from tactsim.hardware.text_tables import numbers_of
+
     try:
         if path.suffix.lower() == ".npy":
             frames = np.load(path, allow_pickle=False).astype(float)
             return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
-        text = path.read_text(encoding="utf-8-sig").strip()
-        separator = next((mark for mark in ";\t," if mark in text), None)
-        lines = (text if separator == "," else text.replace(",", ".")).splitlines()
-        title = 1 if re.match(r"\W*[A-Za-z_]\w*", text) and not text.startswith("#") else 0
-        lines = [line.partition("#")[0].strip() for line in lines[title:]]
-        rows = [line.removesuffix(separator or " ") for line in lines if line]
-        if not rows:
-            raise ValueError("it holds no row of numbers")
-        return np.loadtxt(rows, delimiter=separator)
+        text = read_text(path, "idle readings", LARGE)
+        try:
+            recorded = read_table(text.splitlines()).frames
+        except CodecError:
+            return numbers_of(text)
+        return np.array([frame.values for frame in recorded if isinstance(frame, Frame)])
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error
 

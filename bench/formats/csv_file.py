@@ -12,11 +12,12 @@ from pydantic import Field
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.checking import checked
-from tactsim.core.documents import LARGE, read_text
+from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.hardware.scans import PlacedPress, csv_rows
+from tactsim.hardware.scans import PlacedPress, named_rows
 
+TABLES = (".csv", ".tsv", ".txt")
 _TAXEL = re.compile(r"t\d+")
 
 
@@ -36,13 +37,13 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
     """Read a scan from a CSV with a row a press: columns as `PressRow` has them, theta_deg for theta_rad, and taxels.
 
     The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
-    order. Semicolons, decimal commas, quotes and a byte order mark are read as `csv_rows` does.
+    order. Separators, decimal commas and capitals are read as `named_rows` does.
 
     Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
     """
     rows, readings = [], []
     taxels: list[str] = []
-    for where, words in csv_rows(read_text(path, "presses", LARGE), path):
+    for where, words in named_rows(path, "presses", PressRow, LARGE):
         row = checked(PressRow, {name: word for name, word in words.items() if name in _NO_TAXELS}, where)
         rows.append(row)
         if (row.press is None) != (rows[0].press is None):
@@ -58,8 +59,6 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         if np.isnan(readings[-1]).any():
             name = taxels[int(np.isnan(readings[-1]).argmax())]
             raise InputError(f"{where}: {name}: give a finite number, got {short(words.get(name, ''))}")
-    if not rows:
-        raise InputError(f"{path} holds no presses; columns are {', '.join(PressRow.model_fields)}, t0 ...")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
     return Scan.from_arrays(

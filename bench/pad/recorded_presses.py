@@ -134,8 +134,7 @@ class PressesAsRecorded:
                 wanted,
                 {
                     name: press_at(
-                        Touches(letters[name], poses[labels == name], errors[labels == name, 3:]),
-                        options,
+                        Touches(letters[name], poses[labels == name], errors[labels == name, 3:]), options
                     )
                     for name in self._recorded.letters
                 },

@@ -92,10 +92,7 @@ def _versions(entries: Sequence[Pooled]) -> str:
 
 
 def _protocol(
-    name: str,
-    groups: Sequence[Group],
-    replayed: Sequence[Replayed],
-    arrays: Arrays,
+    name: str, groups: Sequence[Group], replayed: Sequence[Replayed], arrays: Arrays
 ) -> dict[str, Any]:
     methods = list(dict.fromkeys(method for group in groups for method in group.methods))
     mine = [one for one in replayed if any(one.entry in group.entries for group in groups)]
@@ -247,10 +244,7 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
     drawn = drawing(label, of.scan, of.entry.run.shape_files)
     contours = map_outline(label, of.maps) if drawn is None else drawn
-    return {
-        "contours": [arrays.add(contour, "f4") for contour in contours],
-        "drawn": drawn is not None,
-    }
+    return {"contours": [arrays.add(contour, "f4") for contour in contours], "drawn": drawn is not None}
 
 
 def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:

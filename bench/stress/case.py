@@ -100,13 +100,7 @@ class Outcome:
 
 
 def case(
-    name: str,
-    *,
-    varied: str,
-    deviation: str,
-    limit: float,
-    because: str,
-    quick: bool = True,
+    name: str, *, varied: str, deviation: str, limit: float, because: str, quick: bool = True
 ) -> Callable[[Callable[[Worst], None]], Case]:
     """Make a `Case` of the function below; a module's cases are the Case objects in it."""
 

@@ -128,11 +128,7 @@ def pad_lines(
 
 
 def _on_terminal(
-    reader: PadReader,
-    console: Console,
-    from_behind: bool,
-    page: str | None,
-    over: Callable[[PadView], bool],
+    reader: PadReader, console: Console, from_behind: bool, page: str | None, over: Callable[[PadView], bool]
 ) -> None:
     frozen: PadView | None = None
 

@@ -88,11 +88,7 @@ class Planner:
         self._taxel_xy = np.array(taxel_xy)
 
     def choose(
-        self,
-        candidates: FloatArray,
-        letter: NDArray[np.int64],
-        state: FloatArray,
-        rng: np.random.Generator,
+        self, candidates: FloatArray, letter: NDArray[np.int64], state: FloatArray, rng: np.random.Generator
     ) -> int:
         """Find the candidate whose reading should say most, for the arguments of `information`."""
         rough = self.information(candidates, letter[::_SIFT], state[:, ::_SIFT], rng)

@@ -18,10 +18,7 @@ class NearestOptions(Options):
     """What the baseline takes."""
 
     width: float | None = Field(
-        None,
-        gt=0,
-        le=1e6,
-        description="kernel width of a taxel, kPa; learned if not given",
+        None, gt=0, le=1e6, description="kernel width of a taxel, kPa; learned if not given"
     )
 
 

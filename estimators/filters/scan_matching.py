@@ -151,15 +151,7 @@ class ScanMatching(GridFilter):
         x, y, theta = self.grid.centres
         state = np.stack([x[column], y[row], theta[angle]])
         count = len(self.field)
-        replay(
-            scores,
-            state,
-            np.ascontiguousarray(letter),
-            self.field.terms,
-            first,
-            count,
-            level.sampled,
-        )
+        replay(scores, state, np.ascontiguousarray(letter), self.field.terms, first, count, level.sampled)
         if level.side == 1:
             self._bins += len(scores) * (count - first)
         else:

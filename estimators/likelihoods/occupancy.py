@@ -139,10 +139,7 @@ def log_odds_of(
     evidence, prior = np.zeros(chart.log_odds.shape), chart.prior
     low, reach = np.rint(chart.origin / chart.cell), _reach(sigma, prior)
     # Both are log (1 + above G') / (1 + below G').
-    for kind, above, below in (
-        (CONTACT, (1 - prior) / prior, -1.0),
-        (NO_CONTACT, -1.0, prior / (1 - prior)),
-    ):
+    for kind, above, below in ((CONTACT, (1 - prior) / prior, -1.0), (NO_CONTACT, -1.0, prior / (1 - prior))):
         touched = xy[classes == kind] / chart.cell - low
         stamp(evidence, touched, sigma / chart.cell, peak, reach / chart.cell, above, below)
     return evidence

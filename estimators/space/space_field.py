@@ -25,12 +25,7 @@ class SpaceMapOptions(Options):
 
     cell: float = Field(1.0, ge=0.2, le=5, description="side of a voxel, mm")
     rays: int = Field(1, ge=1, le=4, description="rays along each side of a taxel that look for the surface")
-    spread: float = Field(
-        1.0,
-        ge=0,
-        le=10,
-        description="standard deviation of the pad's point spread, mm",
-    )
+    spread: float = Field(1.0, ge=0, le=10, description="standard deviation of the pad's point spread, mm")
 
 
 class SpaceField:

@@ -23,10 +23,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.hardware.codecs.fields:FieldsFormat",
         "frames of a layout that the device file describes",
     ),
-    "csv": (
-        "tactsim.hardware.codecs.lines:LinesFormat",
-        "lines of numbers, as an Arduino prints them",
-    ),
+    "csv": ("tactsim.hardware.codecs.lines:LinesFormat", "lines of numbers, as an Arduino prints them"),
     "pps-csv": (
         "tactsim.hardware.codecs.pps_csv:CsvFormat",
         "lines 'Time [ms], Elem0, ...' as the PPS demonstration tool records them",

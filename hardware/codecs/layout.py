@@ -162,12 +162,7 @@ def length_value(item: Length, at: int, layout: Layout) -> int:
     total = sum(map(size_of, layout))
     taxels = only(layout, Taxels)
     assert taxels is not None
-    lengths = {
-        "frame": total,
-        "after": total - at - item.size,
-        "taxels": taxels.count,
-        "data": taxels.size,
-    }
+    lengths = {"frame": total, "after": total - at - item.size, "taxels": taxels.count, "data": taxels.size}
     return lengths[item.of] + item.plus
 
 

@@ -8,10 +8,9 @@ commas.
 
 from __future__ import annotations
 
-import codecs
-import csv
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime
 from itertools import chain, islice
 from statistics import mode
 from typing import Literal, NamedTuple
@@ -21,20 +20,17 @@ from pydantic import Field
 
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray
+from tactsim.hardware import text_tables
 from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
 from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
-_TITLE_WITHIN = 20  # lines, at whose end the title has stood
-# The title of the time, and its unit: `Time [ms]`, `Time(s)`, `timestamp_us`, `t`.
-_TIME = re.compile(
-    r'["\s]*(?:(?:elapsed[ _]?)?time(?:_?stamp)?|t)'
-    r"(?:_(\w+)|\b(?:[^\[(/,;\t]*?(?:[\[(]\s*(\w+)\s*[\])]|(?:/|\bin\s)\s*(\w+)))?)",
-    re.IGNORECASE,
-)
+_WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
+_TIMES = {"time", "timestamp", "t", "seconds", "millis", "micros"}
+_OF_DAY = re.compile(r"\d:\d\d:\d\d")
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
 _SECONDS |= {"milliseconds": 1e-3, "msec": 1e-3, "millis": 1e-3, "usec": 1e-6, "micros": 1e-6}
-_SECONDS |= {"µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
+_SECONDS |= {"secs": 1.0, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
@@ -83,81 +79,91 @@ class CsvCodec(LinesCodec):
 
 
 class Table(NamedTuple):
-    """A recording that is read line by line. frames: None for a line that is no frame. remark: on the unit of time."""
+    """A recording that is read line by line. frames: a line that is none as text. remark: on the unit of time."""
 
     taxels: int
-    frames: Iterator[Frame | None]
+    frames: Iterator[Frame | str]
     remark: str | None
 
 
-def read_table(lines: Iterable[bytes]) -> Table:
+def read_table(texts: Iterable[str]) -> Table:
     """Read the head of a recording; its frames follow line by line.
 
-    A frame's `seconds` are as the unit in the title says, or as the steps tell: below 1 they are s, below 1,000 ms,
-    below 1,000,000 us, else ns. They count from the first frame if the clock counts from 1970. Taxels are the numbers
-    behind the time in the first frame. Raises CodecError if there is no title within 20 lines, or no frame behind it.
+    What stands before the time is left out. A frame's `seconds` are as the unit in the title says, or as the steps
+    tell: below 1 they are s, below 1,000 ms, below 1,000,000 us, else ns; or as a time of day (ISO 8601) does. They
+    count from the first frame if the clock counts from midnight or from 1970. Taxels are the numbers behind the time.
+    Raises CodecError if there is no title with a time within 40 lines, or no frame behind it.
     """
-    lines = iter(lines)
-    begin = next(lines, b"")
-    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise CodecError("its text is UTF-16; save it as UTF-8")
-    texts = (
-        text for line in chain([begin], lines) for text in line.decode("utf-8-sig", "replace").splitlines()
-    )
-    title = next((text for text in islice(texts, _TITLE_WITHIN) if _TIME.match(text)), None)
-    if title is None:
+    texts = filter(str.strip, texts)
+    head = list(islice(texts, text_tables.TITLE_WITHIN + _STEPS))
+    titles = [text_tables.title_cells(text) for text in head[: text_tables.TITLE_WITHIN]]
+    named = [at for at, cells in enumerate(titles) if _time_at(cells) >= 0]
+    if not named:
         raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
-    separator = next((mark for mark in ";\t" if mark in title), ",")
-    filled = (text for text in texts if text.strip())
-    samples = list(islice(filled, _STEPS))
-    commas = separator != "," and any("," in text for text in samples)
-    head = [_numbers(text, separator, commas) for text in samples]
-    rows = [row for row in head if row is not None]
+    # Words about the recording may say time, too.
+    line = max(named, key=lambda at: (text_tables.separator_of(head[at]) != " ", len(titles[at])))
+    separator, time, samples = text_tables.separator_of(head[line]), _time_at(titles[line]), head[line + 1 :]
+    known = chain(*(cells for _, cells in text_tables.cells_of(samples, separator)))
+    commas = text_tables.has_decimal_commas(known, separator)
+
+    def numbers(text: str) -> FloatArray | None:
+        """Read the time and the taxels of a frame; None if a cell is no finite number."""
+        try:
+            ((_, cells),) = text_tables.cells_of([text], separator)
+            first, *others = text_tables.with_points(cells[time:], separator, commas)
+            row = np.array([_of_day(first) if ":" in first else float(first), *map(float, others)])
+        except ValueError:
+            return None
+        # A clock since 1970 in ns is larger than any reading may be.
+        return row if np.isfinite(row[0]) and (np.abs(row[1:]) <= LARGEST).all() else None
+
+    rows = [row for text in samples if (row := numbers(text)) is not None]
     width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
-        raise CodecError(f"behind the title {title.strip()[:60]!r} stands no line of numbers{but}")
-    times = [float(row[0]) for row in rows if len(row) == width]
-    tick, remark = _tick(title, times)
-    begun = times[0] * tick if times[0] * tick >= _SINCE_1970 else 0.0
+        raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of numbers{but}")
+    clock = [float(row[0]) for row in rows if len(row) == width]
+    of_day = any(map(_OF_DAY.search, samples))
+    tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
+    begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
-    def frames() -> Iterator[Frame | None]:
-        for row in chain(head, (_numbers(text, separator, commas) for text in filled)):
+    def frames() -> Iterator[Frame | str]:
+        for text in chain(samples, texts):
+            row = numbers(text)
             if row is None or len(row) != width:
-                yield None
+                yield text
             else:
                 yield Frame(row[1:], seconds=float(row[0] * tick - begun))
 
     return Table(width - 1, frames(), remark)
 
 
-def _numbers(text: str, separator: str, commas: bool) -> FloatArray | None:
-    """Read the numbers of a line; None if one is no finite number, or which point is decimal is unclear.
-
-    commas: whether lines of this recording have decimal commas, so that a point may be one of thousands.
-    """
-    try:
-        (cells,) = csv.reader([text.strip()], delimiter=separator, skipinitialspace=True)
-        while cells and not cells[-1].strip():
-            cells.pop()
-        if separator != "," and (commas or "," in text):
-            cells = [] if "." in text else [cell.replace(",", ".") for cell in cells]
-        numbers = np.array([float(cell) for cell in cells])
-    except (csv.Error, ValueError):
-        return None
-    # A clock since 1970 in ns is larger than any reading may be.
-    sound = len(numbers) and np.isfinite(numbers[0]) and (np.abs(numbers[1:]) <= LARGEST).all()
-    return numbers if sound else None
+def _words(cell: str) -> list[str]:
+    """List the words of a title's cell: time and ms of `Time [ms]`, `time_ms` or `timeMs`; none of `t0`."""
+    return [word.lower() for word in _WORD.findall(cell.replace("X_Value", "time"))]  # as LabVIEW calls it
 
 
-def _tick(title: str, times: list[float]) -> tuple[float, str | None]:
-    """Give the s of one unit of time: of the title's, or by the median step, and then a remark that says so."""
-    named = _TIME.match(title)
-    unit = next(filter(None, named.groups()), None) if named else None
+def _time_at(cells: Sequence[str]) -> int:
+    """Tell which cell of a title, of two or more, names the time; -1 if none does."""
+    named = [at for at, cell in enumerate(cells) if _TIMES.intersection(_words(cell))]
+    return named[0] if named and len(cells) > 1 else -1
+
+
+def _of_day(text: str) -> float:
+    """Read `12:00:01.5`, perhaps behind a date (ISO 8601), in s. Raises ValueError."""
+    if not _OF_DAY.search(text):
+        raise ValueError(f"{text!r} is no time of day")
+    whole = text if "-" in text else "1970-01-01T" + "0" * (text[1] == ":") + text
+    return datetime.fromisoformat(whole).replace(tzinfo=UTC).timestamp()
+
+
+def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
+    """Give the s of one unit of time: of its title's, or by the median step, and then a remark that says so."""
+    unit = next((word for word in _words(title) if word in _SECONDS), None)
     if unit is not None:
-        if unit.lower() not in _SECONDS:
-            raise CodecError(f"the title's unit of time is {unit!r}; known are {', '.join(_SECONDS)}")
-        return _SECONDS[unit.lower()], None
+        return _SECONDS[unit], None
+    if bracketed := re.search(r"[\[(]\s*(\w+)\s*[\])]", title):
+        raise CodecError(f"the title's unit of time is {bracketed[1]!r}; known are {', '.join(_SECONDS)}")
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     unit = next((unit for most, unit in ((1, "s"), (1e3, "ms"), (1e6, "us")) if step < most), "ns")

@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from tactsim.core.checking import checked
-from tactsim.core.documents import read_text
-from tactsim.core.errors import InputError
 from tactsim.core.files import replacing
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.emulator.emulated import Emulated, Pressures
 from tactsim.hardware.emulator.faults import Faults
-from tactsim.hardware.scans import Interval, PlacedPress, csv_rows
+from tactsim.hardware.scans import Interval, PlacedPress, named_rows
 
 
 def read_plan(path: str | Path) -> list[PlacedPress]:
@@ -25,10 +23,7 @@ def read_plan(path: str | Path) -> list[PlacedPress]:
 
     Raises InputError with the wrong line.
     """
-    rows = [checked(PlacedPress, row, place) for place, row in csv_rows(read_text(path, "plan"), path)]
-    if not rows:
-        raise InputError(f"{path} has no presses; its columns are {', '.join(PlacedPress.model_fields)}")
-    return rows
+    return [checked(PlacedPress, row, place) for place, row in named_rows(path, "presses", PlacedPress)]
 
 
 # Shares of its load at which it is known what a press feels on its way; in between it is interpolated.

@@ -11,6 +11,7 @@ import json
 import math
 import re
 import tomllib
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ _LONG_KEY = re.compile(
 
 
 def read_text(path: str | Path, what: str, most: int = SMALL) -> str:
-    """Read a regular file of at most `most` bytes as UTF-8. Raises InputError that names `what` and `path`."""
+    """Read a file of at most `most` bytes in UTF-8, or UTF-16 with its mark; InputErrors name `what` and `path`."""
     try:
         content = read_bytes(path, most)
     except InputError as error:
@@ -73,11 +74,16 @@ def parse_json(content: str | bytes, where: str) -> dict[str, Any]:
     return value
 
 
+def encoding_of(start: bytes) -> str:
+    """Name the encoding of a text by its first two bytes or more."""
+    return "utf-16" if start.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
+
+
 def _text(content: bytes, where: str) -> str:
     try:
-        return content.decode("utf-8")
+        return content.decode(encoding_of(content))
     except UnicodeDecodeError as error:
-        raise InputError(f"{where} is not text in UTF-8, from byte {error.start} on") from error
+        raise InputError(f"{where} is not text in UTF-8, from byte {error.start} on; save it so") from error
 
 
 def _check_bounds(document: Mapping[str, Any], where: str) -> None:

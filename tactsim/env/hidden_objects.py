@@ -64,8 +64,7 @@ def touch(
     normals = np.stack([one.rng.standard_normal(NORMALS) for one in hidden])
     chance = Chance(
         *map(
-            np.stack,
-            zip(*(Chance.draw((world.options.pad.taxels,), one.rng) for one in hidden), strict=True),
+            np.stack, zip(*(Chance.draw((world.options.pad.taxels,), one.rng) for one in hidden), strict=True)
         )
     )
     poses = compose(np.stack([one.robot_in_object for one in hidden]), sensor_in_robot)

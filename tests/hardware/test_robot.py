@@ -122,7 +122,7 @@ def test_a_shape_says_what_scores_need(here, own):
 @pytest.mark.parametrize(
     ("plan", "parts"),
     [
-        ("label,x_mm,y_mm,theta_rad\n", ("has no presses", "label, split, x_mm")),
+        ("label,x_mm,y_mm,theta_rad\n", ("holds no presses", "label, x_mm")),
         ("label,x_mm,y_mm,theta_rad\ntee,1,inf,0\n", ("plan.csv, line 2", "y_mm")),
     ],
 )

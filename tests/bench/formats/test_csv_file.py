@@ -41,11 +41,16 @@ def test_what_a_spreadsheet_saved_again_is_the_same(read):
     assert read("\ufeff" + TITLE.replace(",", ";"), *saved).digest == WANTED.digest
     assert read("\ufeffsep=;", TITLE.replace(",", ";"), *saved).digest == WANTED.digest
     assert read("# each label is an object", f"# {TITLE}", "# in mm", *ROWS).digest == WANTED.digest
+    assert read(TITLE.upper(), *ROWS, ",,,,,,,,,,,,").digest == WANTED.digest
 
 
 def test_tabs_and_a_separator_behind_the_last_cell_are_read(read):
     assert read(*(line.replace(",", "\t") for line in (TITLE, *ROWS))).digest == WANTED.digest
     assert read(TITLE, *(f"{row},," for row in ROWS)).digest == WANTED.digest
+    assert (
+        read(*(line.replace(",", " ").replace("  ", ' "" ') for line in (TITLE, *ROWS))).digest
+        == WANTED.digest
+    )
 
 
 def test_a_point_among_decimal_commas_is_refused_with_its_cell(read):
@@ -81,6 +86,7 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
     ("lines", "says"),
     [
         ([TITLE], "holds no presses"),
+        ([*ROWS], "no line names its columns, which are label"),
         ([TITLE.replace("theta_rad", "angle"), *ROWS], r"line 2: missing is theta_rad \(or theta_deg\)"),
         ([TITLE, *ROWS, "", "B,dev,0,0,-3,,2,9,8,7,6,5,4"], "line 6: split: give 'train' or 'test'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a finite number, got ''"),
@@ -110,8 +116,9 @@ def test_a_table_is_imported_from_the_command_line(tmp_path, here):
 
 
 @pytest.mark.parametrize(
-    "text", ["0.5,1\n0.5,1\n", "0,5;1\n", "0,5\t1\n", "t0,t1\n0.5,1,\n", "# idle\n0.5 1\n"]
-)
+    "text", ["0.5,1\n0.5,1\n", "0,5;1\n", "0,5\t1\n", "t0,t1\n0.5,1,\n", "# idle\n0.5 1\n", "sep=;\n0,5;1\n",
+             "Time [ms], a, b\n0, .5, 1\n"],
+)  # fmt: skip
 def test_idle_readings_are_read_from_any_table(tmp_path, text):
-    (tmp_path / "idle.csv").write_text(text)
+    (tmp_path / "idle.csv").write_text(text, encoding="utf-16")
     assert np.atleast_2d(idle_frames(tmp_path / "idle.csv"))[-1].tolist() == [0.5, 1]

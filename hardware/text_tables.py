@@ -1,0 +1,75 @@
+"""Tables of text as instruments, scripts and spreadsheets write them: presses, marks, recordings, idle readings.
+
+Between two cells stand semicolons, tabs, commas or blanks: the first of these that is in the line of names. Beside
+other marks than commas numbers may have decimal commas.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, dropwhile
+
+import numpy as np
+
+from tactsim.core.errors import InputError
+from tactsim.core.poses import FloatArray
+
+TITLE_WITHIN = 40  # lines, at whose end the names have stood
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
+_DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
+_NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
+
+
+def separator_of(names: str) -> str:
+    """Tell what parts the cells of a table by its line of names."""
+    return next((mark for mark in ";\t," if mark in names), " ")
+
+
+def cells_of(lines: Iterable[str], separator: str, path: object = "it") -> Iterator[tuple[int, list[str]]]:
+    """Split lines into cells, without quotes and blanks around them; each row with the number of its line, from 1.
+
+    Raises InputError that names `path`.
+    """
+    whole = (line.rstrip(f"\r\n {separator}") for line in lines)
+    reader = csv.reader(whole, delimiter=separator, skipinitialspace=True)
+    try:
+        for row in reader:
+            yield reader.line_num, [cell.strip() for cell in row]
+    except csv.Error as error:
+        raise InputError(f"{path} is no table (CSV): {error}") from error
+
+
+def title_cells(line: str) -> list[str]:
+    """Split a line of names, which may be a comment."""
+    return next((cells for _, cells in cells_of([line.lstrip("#% ")], separator_of(line))), [])
+
+
+def has_decimal_commas(cells: Iterable[str], separator: str) -> bool:
+    """Tell whether numbers of a table have decimal commas."""
+    return separator != "," and any("," in cell and _DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+
+
+def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[str]:
+    """Write the decimal commas of a row as points. commas: whether other rows of the table have some.
+
+    A point beside them may be one of thousands: such a cell is no number.
+    """
+    if not (commas or has_decimal_commas(cells, separator)):
+        return cells
+    return [
+        f"{cell} among decimal commas" if "." in cell and _DECIMAL_POINT.fullmatch(cell)
+        else cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+        for cell in cells
+    ]  # fmt: skip
+
+
+def numbers_of(text: str) -> FloatArray:
+    """Read a table of numbers (rows, columns), perhaps below lines of words. Raises ValueError if it is none."""
+    lines = list(dropwhile(_NO_NUMBERS.match, text.splitlines()))
+    if not lines:
+        raise ValueError("it holds no row of numbers")
+    rows = [cells for _, cells in cells_of(lines, separator_of(lines[0]))]
+    commas = has_decimal_commas(chain(*rows), separator_of(lines[0]))
+    return np.loadtxt([" ".join(with_points(cells, separator_of(lines[0]), commas)) for cells in rows])
