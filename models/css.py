@@ -11,10 +11,13 @@ import tinycss2
 from cssselect2 import ElementWrapper, Matcher, SelectorError, compile_selector_list
 from tinycss2.color4 import parse_color
 
+from tactsim.core.errors import InputError, short
+
 SVG = "{http://www.w3.org/2000/svg}"
 
 Style = dict[str, str]
 Rgb = tuple[int, int, int]
+_Selected = tuple[Any, list[tuple[str, str, bool]]]  # a selector, and what it declares
 
 # Properties that children take over, and those that they do not, with what holds where nothing is declared.
 _INHERITED = {
@@ -23,13 +26,17 @@ _INHERITED = {
     "marker-mid": "none", "marker-end": "none", "marker": "none",
 }  # fmt: skip
 _OWN = {
-    "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "filter": "none", "transform": "none",
-    "transform-origin": "0 0", "transform-box": "view-box", "overflow": "hidden", "stop-color": "black",
-    "stop-opacity": "1", "translate": "none", "rotate": "none", "scale": "none",
+    "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "mask-type": "luminance",
+    "filter": "none", "transform": "none", "transform-origin": "0 0", "transform-box": "view-box",
+    "translate": "none", "rotate": "none", "scale": "none", "overflow": "hidden", "stop-color": "black",
+    "stop-opacity": "1",
 }  # fmt: skip
 # Lengths are properties too, since SVG 2.
 _PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
-_SCREENS = ("", "all", "screen")  # the media for which rules count
+# Media for which rules count, and those for which they do not: a drawing is read as on a bright screen.
+_SHOWN = re.compile(r"(only )?(all|screen)?( and )?(\(prefers-color-scheme: ?light\))?")
+_NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-scheme: ?dark\)).*|not all")
+_CONDITIONS = ("media", "supports", "layer", "container", "scope")
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
 _MOST_VARIABLES = 8  # that stand for one another
 
@@ -45,8 +52,10 @@ def declarations(root: Element) -> dict[Element, Style]:
     """Collect what is declared of each element, the strongest of each property: attributes, sheets, its own style."""
     matcher = Matcher()
     for element in root.iter(f"{SVG}style"):
-        if element.get("type", "text/css") in ("", "text/css") and element.get("media", "") in _SCREENS:
-            _add_sheet(matcher, tinycss2.parse_stylesheet("".join(element.itertext()), True, True))
+        if element.get("type", "text/css") in ("", "text/css"):
+            sheet = tinycss2.parse_stylesheet("".join(element.itertext()), True, True)
+            for selector, rules in _if_shown("media", element.get("media", ""), _selected(sheet)):
+                matcher.add_selector(selector, rules)
     declared = {}
     for wrapped in ElementWrapper.from_xml_root(root).iter_subtree():
         element = wrapped.etree_element
@@ -115,19 +124,34 @@ def color(text: str, style: Style) -> Paint | None:
     return Paint((red, green, blue), parsed.alpha)
 
 
-def _add_sheet(matcher: Matcher, sheet: list[Any]) -> None:
-    for rule in sheet:
-        if rule.type == "at-rule" and rule.lower_at_keyword == "media" and rule.content is not None:
-            if tinycss2.serialize(rule.prelude).strip().lower() in _SCREENS:
-                _add_sheet(matcher, tinycss2.parse_rule_list(rule.content, True, True))
+def _selected(rules: list[Any], around: str = "") -> Iterator[_Selected]:
+    """Give each selector of a sheet, or of what a rule with the selectors `around` nests, and what it declares."""
+    for rule in rules:
+        if rule.type == "at-rule" and rule.lower_at_keyword in _CONDITIONS and rule.content is not None:
+            inner = _selected(tinycss2.parse_rule_list(rule.content, True, True), around)
+            yield from _if_shown(rule.lower_at_keyword, tinycss2.serialize(rule.prelude), inner)
         elif rule.type == "qualified-rule":
+            text = tinycss2.serialize(rule.prelude)
+            if around:
+                text = (text if "&" in text else f"& {text}").replace("&", f":is({around})")
             try:
-                selectors = compile_selector_list(rule.prelude)
+                selectors = compile_selector_list(text)
             except SelectorError:
                 continue  # as a renderer does with a selector that it does not know
-            rules = list(_rules(tinycss2.parse_blocks_contents(rule.content)))
-            for selector in selectors:
-                matcher.add_selector(selector, rules)
+            content = tinycss2.parse_blocks_contents(rule.content, True, True)
+            declared = list(_rules(content))
+            yield from ((selector, declared) for selector in selectors if declared)
+            yield from _selected(content, text)
+
+
+def _if_shown(keyword: str, condition: str, selected: Iterator[_Selected]) -> Iterator[_Selected]:
+    """Give what is declared under a condition if it holds; refuse a drawing of which the reader decides."""
+    queries = [" ".join(query.lower().split()) for query in condition.split(",")]
+    if keyword == "media" and any(_SHOWN.fullmatch(query) for query in queries):
+        yield from selected
+    elif (keyword != "media" or not all(map(_NOT_SHOWN.fullmatch, queries))) and [*selected]:
+        what = short(f"@{keyword} {condition.strip()}")
+        raise InputError(f"its style sheet shows something else under {what}: take that rule out")
 
 
 def _rules(content: list[Any]) -> Iterator[tuple[str, str, bool]]:

@@ -7,36 +7,35 @@ import re
 import warnings
 import zipfile
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import numpy as np
+import trimesh
+from manifold3d import Error, Manifold, Mesh64, OpType, triangulate
 from numpy.typing import NDArray
+from trimesh import Trimesh
 
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.shapes import UNITS
 
-if TYPE_CHECKING:
-    from manifold3d import Manifold
-    from trimesh import Trimesh
-
 MOST_FACES = 500_000
 MOST_BODIES = 2000  # uniting them takes a second or two
 MOST_UNPACKED = 256 << 20  # bytes in a .3mf
 LEAST_THICKNESS = 0.02  # mm
-# Parts of a slicer's projects that are no part of the solid.
+# Parts of a slicer's projects, and of extensions of 3MF, that are no part of the solid or change it.
 _NO_SOLID = re.compile(
-    rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?([Bb]lock|[Ee]nforc)er)\b"
+    rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?(?:[Bb]lock|[Ee]nforc)er)\b"
+    rb'|<(?:\w+:)?(beamlattice|booleanshape)\b|\btype="(support)"'
 )
 GAP = 2e-5  # share of a mesh's size between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
 WITHIN = 1e-6  # share of its volume that a body may reach out of another and count as inside it
+# NumPy's codes of what it does not know by the same name.
 _PLY_NUMBERS = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
+    "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d",
 }  # fmt: skip
 # glTF prescribes metres and +Y up (section 3.4): its (x, y, z) is (x, -z, y) where z is up.
 GLTF_TO_MM = 1000.0 * np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1e-3]])
@@ -58,30 +57,19 @@ def read_solid(content: bytes, kind: str) -> Manifold:
     return _united(_bodies(mesh))
 
 
-class _Body(NamedTuple):
-    """A body, right side out, and whether it was so in the file."""
-
-    solid: Manifold
-    sign: bool
-
-
-def _bodies(mesh: Trimesh) -> list[_Body]:
-    """Part a mesh into its bodies, each right side out."""
-    from manifold3d import Error
-    from trimesh.repair import fix_winding
-
+def _bodies(mesh: Trimesh) -> list[tuple[Manifold, bool]]:
+    """Part a mesh into its bodies, each right side out, and tell whether it was so in the file."""
     bodies = []
     for part in _closed_parts(mesh):
-        fix_winding(part)
-        solid = _manifold(part)
-        sign = solid.volume() > 0
+        trimesh.repair.fix_winding(part)
+        sign = bool(part.volume > 0)
         if not sign:
             part.invert()
-            solid = _manifold(part)
+        solid = _manifold(part)
         if solid.status() != Error.NoError:
             raise InputError("the mesh's faces do not agree on what is inside; make its normals consistent")
         if solid.volume() > 0:
-            bodies.append(_Body(solid, sign))
+            bodies.append((solid, sign))
     return bodies
 
 
@@ -90,10 +78,6 @@ def _closed_parts(mesh: Trimesh) -> list[Trimesh]:
 
     Raises InputError if a surface is not closed, or if they are too many.
     """
-    import trimesh
-    from manifold3d import Error
-    from trimesh.graph import connected_components
-
     faces = np.asarray(mesh.faces)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     _, first, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
@@ -101,7 +85,7 @@ def _closed_parts(mesh: Trimesh) -> list[Trimesh]:
     for kept in (first, first[counts % 2 == 1]):
         mesh.faces = faces[np.sort(kept)]
         # Faces hang together at edges that join two of them.
-        own = connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
+        own = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
         if len(own) > MOST_BODIES:
             raise InputError(f"it is made of {len(own):,} bodies, the most is {MOST_BODIES:,}: unite them")
         parts = cast("list[Trimesh]", mesh.submesh(own, repair=False))
@@ -117,20 +101,16 @@ def _closed_parts(mesh: Trimesh) -> list[Trimesh]:
             "two faces; repair it, for example in MeshLab or Blender"
         )
     pieces = [piece.to_mesh64() for piece in whole.decompose()]
-    return [trimesh.Trimesh(piece.vert_properties[:, :3], piece.tri_verts, process=False) for piece in pieces]
+    return [Trimesh(piece.vert_properties[:, :3], piece.tri_verts, process=False) for piece in pieces]
 
 
 def _manifold(mesh: Trimesh) -> Manifold:
-    from manifold3d import Manifold, Mesh64
-
     return Manifold(Mesh64(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.uint64)))
 
 
-def _united(bodies: list[_Body]) -> Manifold:
+def _united(bodies: list[tuple[Manifold, bool]]) -> Manifold:
     """Unite bodies; one that lies within another and had the other sign is taken away from it."""
-    from manifold3d import Manifold, OpType
-
-    solids = [body.solid for body in bodies]
+    solids = [solid for solid, _ in bodies]
     boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
     volumes = np.array([solid.volume() for solid in solids])
     order = np.argsort(volumes, kind="stable").tolist()
@@ -142,11 +122,11 @@ def _united(bodies: list[_Body]) -> Manifold:
         around = [larger for larger in order[place + 1 :] if within[larger]]
         limit = WITHIN * volumes[index]
         outer = next(
-            (other for other in around if (bodies[index].solid - bodies[other].solid).volume() <= limit), None
+            (other for other in around if (bodies[index][0] - bodies[other][0]).volume() <= limit), None
         )
         if outer is None:
             roots.append(solids[index])
-        elif bodies[outer].sign == bodies[index].sign:
+        elif bodies[outer][1] == bodies[index][1]:
             solids[outer] += solids[index]
         else:
             solids[outer] -= solids[index]
@@ -154,8 +134,6 @@ def _united(bodies: list[_Body]) -> Manifold:
 
 
 def _load(content: bytes, kind: str) -> Trimesh:
-    import trimesh
-
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -164,7 +142,7 @@ def _load(content: bytes, kind: str) -> Trimesh:
             _check_claims(content, kind)
             if kind in ("obj", "ply"):
                 corners, polygons = (_obj if kind == "obj" else _ply)(content)
-                mesh = trimesh.Trimesh(corners, _triangles(corners, polygons), process=False)
+                mesh = Trimesh(corners, _triangles(corners, polygons), process=False)
             else:
                 content = {"stl": _whole_stl, "3mf": _one_model}.get(kind, bytes)(content)
                 # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
@@ -174,7 +152,7 @@ def _load(content: bytes, kind: str) -> Trimesh:
                     mesh.apply_transform(GLTF_TO_MM)
                 elif kind == "3mf" and scene.units:
                     mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
-            _check_corners(mesh)
+            _check_corners(mesh.vertices, mesh.faces)
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
             if not mesh.is_watertight:
                 same = np.arange(len(mesh.vertices))
@@ -191,11 +169,8 @@ def _load(content: bytes, kind: str) -> Trimesh:
 
 
 def _text(content: bytes) -> str:
-    """Decode a text file, with or without a byte order mark; what is no UTF-8 is Latin-1, as in names and comments."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
+    """Decode a text file, with or without a byte order mark; what is not ASCII is in names and comments only."""
+    text = content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -214,8 +189,9 @@ def _check_archive(archive: zipfile.ZipFile) -> None:
     if size > MOST_UNPACKED:
         raise InputError(f"it unpacks to {size:,} bytes; the most is {MOST_UNPACKED:,}: simplify the mesh")
     for name in archive.namelist():
-        if name.endswith(".config") and (part := _NO_SOLID.search(archive.read(name))):
-            raise InputError(f"it holds a {part[0].decode()} of a slicer: export the solid without")
+        if name.endswith((".config", ".model")) and (part := _NO_SOLID.search(archive.read(name))):
+            what = part[part.lastindex or 0].decode()
+            raise InputError(f"it holds a {what} beside the solid: export the solid without")
 
 
 def _one_model(content: bytes) -> bytes:
@@ -223,10 +199,13 @@ def _one_model(content: bytes) -> bytes:
     with zipfile.ZipFile(BytesIO(content)) as archive:
         _check_archive(archive)
         names = [name for name in archive.namelist() if name.endswith(".model")]
-        if len(names) < 2:
+        mains = [name for name in names if name.lower() == "3d/3dmodel.model"] or names
+        if len(mains) != 1:
+            raise InputError("it holds no 3D/3dmodel.model")
+        if len(names) == 1 and "3d/3dmodel.model" in names[0].lower():
             return content
         models = {"/" + name.lstrip("/"): ElementTree.fromstring(archive.read(name)) for name in names}
-    main = next(model for path, model in models.items() if path.lower() == "/3d/3dmodel.model")
+    main = models["/" + mains[0].lstrip("/")]
     for path, model in models.items():
         for tag, key in (("object", "id"), ("component", "objectid"), ("item", "objectid")):
             for element in model.iterfind(f".//{{*}}{tag}"):
@@ -262,10 +241,12 @@ def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
     trimesh fans polygons, and reads no binary files in which they have different numbers of corners.
     """
     head, body = re.fullmatch(rb"ply\b(.*?)\bend_header[ \t]*(?:\r\n|\r|\n)(.*)", content, re.DOTALL).groups()  # type: ignore[union-attr]
-    elements: list[
-        tuple[str, int, list[tuple[str, str, str]]]
-    ] = []  # name, count, (property, type of its count, type)
+    elements: list[tuple[str, int, list[Any]]] = []  # name, count, (property, type of its count, type)
     order = ""
+
+    def number(kind: str) -> str:
+        return order + np.dtype(_PLY_NUMBERS.get(kind, kind)).char if order else "f8"
+
     for line in head.decode("latin-1").splitlines():
         match line.split():
             case ["format", form, *_]:
@@ -273,15 +254,11 @@ def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
             case ["element", name, count]:
                 elements.append((name, int(count), []))
             case ["property", "list", size, kind, name]:
-                elements[-1][2].append((name, order + _PLY_NUMBERS[size], order + _PLY_NUMBERS[kind]))
+                elements[-1][2].append((name, number(size), number(kind)))
             case ["property", kind, name]:
-                elements[-1][2].append((name, "", order + _PLY_NUMBERS[kind]))
+                elements[-1][2].append((name, "", number(kind)))
     if not order:  # a text: all of its numbers as they would be in memory
         body = np.fromstring(body.decode("ascii"), sep=" ").tobytes()
-        elements = [
-            (name, count, [(label, size and "f8", "f8") for label, size, _ in properties])
-            for name, count, properties in elements
-        ]
     corners, polygons, place = np.empty((0, 3)), [], 0
 
     def take(kind: Any, count: int) -> NDArray[Any]:
@@ -306,12 +283,7 @@ def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
 
 def _triangles(corners: FloatArray, polygons: list[list[int]]) -> NDArray[np.int64]:
     """Cut polygons into triangles: (f, 3). A polygon that is there twice is cut the same way both times."""
-    from manifold3d import triangulate
-
-    if not polygons:
-        raise InputError("there is no face in it")
-    if not 0 <= min(map(min, polygons)) <= max(map(max, polygons)) < len(corners):
-        raise InputError("a face names a corner that is not there")
+    _check_corners(corners, np.array([corner for polygon in polygons for corner in polygon]))
     faces = [np.array([polygon for polygon in polygons if len(polygon) == 3], np.int64).reshape(-1, 3)]
     same = np.unique(corners, axis=0, return_inverse=True)[1]
     for polygon in polygons:
@@ -334,17 +306,17 @@ def _triangles(corners: FloatArray, polygons: list[list[int]]) -> NDArray[np.int
     return np.concatenate(faces)
 
 
-def _check_corners(mesh: Trimesh) -> None:
-    if not len(mesh.faces):
+def _check_corners(corners: FloatArray, faces: NDArray[np.int64]) -> None:
+    """Check corners (v, 3), mm, and the numbers of those that faces name."""
+    if not len(faces):
         raise InputError("there is no face in it")
-    if not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
+    if not 0 <= faces.min() <= faces.max() < len(corners):
         raise InputError("a face names a corner that is not there")
-    if not np.isfinite(mesh.vertices).all():
+    if not np.isfinite(corners).all():
         raise InputError("a corner of the mesh is not a finite number")
-    if np.abs(mesh.vertices).max() > LARGEST:
+    if (reach := np.abs(corners).max()) > LARGEST:
         raise InputError(
-            f"a corner of the mesh is {np.abs(mesh.vertices).max():.3g} mm from the origin; "
-            f"the most is {LARGEST:g} mm ({UNITS})"
+            f"a corner of the mesh is {reach:.3g} mm from the origin; the most is {LARGEST:g} mm ({UNITS})"
         )
 
 
@@ -397,6 +369,9 @@ def _gltf_faces(content: bytes, kind: str) -> int:
             raise InputError(f"it needs the glTF extension {name!r}; export it without")
     if any(part.get("mode") == 6 for mesh in tree.get("meshes", []) for part in mesh["primitives"]):
         raise InputError("it has fans of triangles (mode 6), which are not read; export it with triangles")
+    parts = [*tree.get("nodes", []), *tree.get("meshes", [])]
+    if any("skin" in part or any(part.get("weights", [])) for part in parts):
+        raise InputError("bones or shape keys move it: apply them, and export it without")
     if any("sparse" in accessor for accessor in accessors):
         raise InputError("it has sparse accessors, which are not read; export it without shape keys")
     if any(not buffer.get("uri", "data:").startswith("data:") for buffer in tree.get("buffers", [])):

@@ -61,7 +61,7 @@ def shape(
         raise InputError(
             f"{path}: shapes are read from {', '.join(ENDINGS)} and .svg files, not {suffix or 'this'}"
         )
-    content = _read(path)
+    content = read_file(path)
     try:
         if suffix == ".svg":
             from tactsim.models.svg import filled_region
@@ -150,15 +150,14 @@ def _touches_itself(contours: list[FloatArray]) -> bool:
     return False
 
 
-def _read(path: Path) -> bytes:
+def read_file(path: Path, what: str = "shape") -> bytes:
+    """Read a user's file. Raises InputError if it cannot be read, is empty or is larger than LARGEST_FILE."""
     try:
         content = read_bytes(path, LARGEST_FILE)
     except InputError as error:
-        raise InputError(f"cannot read shape {path}: {error}") from error
+        raise InputError(f"cannot read {what} {path}: {error}") from error
     if not content:
-        raise InputError(
-            f"shape {path}: it is empty; a shape is a mesh ({', '.join(ENDINGS)}) or a drawing (.svg)"
-        )
+        raise InputError(f"{what} {path}: it is empty; a mesh is {', '.join(ENDINGS)}, a drawing .svg")
     return content
 
 

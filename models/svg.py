@@ -1,7 +1,7 @@
 """Read the filled outlines of an SVG drawing, in mm, as a renderer shows them.
 
 Paths are read by svg.path, style sheets by tinycss2 and cssselect2, and manifold3d joins the regions. No library does
-all of it: of the 66 drawings with a known area in tests/models/test_drawings.py, svgelements 1.9.6 gets 27 wrong (clip
+all of it: of 66 drawings with a known area in tests/models/test_drawings.py, svgelements 1.9.6 gets 27 wrong (clip
 paths, inner pages, opacity of groups, `!important`, selectors of more than one element, even-odd rules from a sheet)
 and picosvg 0.23 gets 47 wrong (style sheets, lengths with units, percentages); Python's bindings of resvg render, and
 do not give its outlines.
@@ -12,21 +12,20 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import reduce
+from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import tinycss2
+from manifold3d import CrossSection, FillRule, OpType
+from svg.path import Linear, Move, parse_path, parser
 
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
 from tactsim.models.css import SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
-
-if TYPE_CHECKING:
-    from manifold3d import CrossSection
 
 FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
 LARGEST_FLATTENING = 0.002  # mm
@@ -41,17 +40,21 @@ OPAQUE = 0.99  # a white fill hides what lies below it from this opacity on
 PIXEL = 25.4 / 96  # mm
 
 _HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
-_SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
+_MARKED = {"path", "line", "polyline", "polygon"}
+_SHAPES = {*_MARKED, "rect", "circle", "ellipse"}
 _GRADIENTS = (f"{SVG}linearGradient", f"{SVG}radialGradient")
 _UNITS = {
     "": 1.0, "px": 1.0, "mm": 96 / 25.4, "cm": 960 / 25.4, "q": 24 / 25.4, "in": 96.0, "pt": 4 / 3, "pc": 16.0,
 }  # fmt: skip
 _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
-_DRAWN = {*_SHAPES, "g", "a", "switch", "svg", "use", "text", "image", "foreignObject"}
-_FOREIGN = {"text": "text", "image": "a picture", "foreignObject": "foreign content"}
+_TEXT = ("text", "tspan", "textPath", "a")
+_FOREIGN = {"image": "a picture", "foreignObject": "foreign content"} | dict.fromkeys(_TEXT, "text")
+_DRAWN = {*_SHAPES, *_FOREIGN, "g", "switch", "svg", "use"}
 _HIDDEN = ("hidden", "collapse")
 # What svg.path, tinycss2 and the arithmetic raise on outlines, styles and lengths that are cut off or wrong.
 _DAMAGED = (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+# A radius has no sign (SVG 2, section 9.5.1).
+parser.FIELD_POPPERS["u"] = lambda text: abs(parser.pop_number(text))  # type: ignore[assignment]
 
 
 class Drawing(NamedTuple):
@@ -64,6 +67,7 @@ class Drawing(NamedTuple):
 class _Fill(NamedTuple):
     region: CrossSection
     paint: Paint
+    stroked: bool
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,8 @@ class _Context:
 
     matrix: (2, 3), from user units to mm, y upwards. view: width and height of the viewport, user units; None if
     unknown. clip: what of it is seen. alpha: the opacity of the groups around it. hazard: what in them may change the
-    outline and is not understood. clones: the elements that are being cloned.
+    outline and is not understood. clones: the elements that are being cloned. size: the width and height that a clone
+    of a page gets.
     """
 
     style: Style
@@ -82,18 +87,23 @@ class _Context:
     alpha: float = 1.0
     hazard: str = ""
     clones: tuple[Element, ...] = ()
+    size: Style = field(default_factory=dict)
+
+    def within(self, region: CrossSection) -> _Context:
+        """Add what no more than `region` of is seen."""
+        return replace(self, clip=region if self.clip is None else region ^ self.clip)
 
 
 def filled_region(content: bytes) -> Drawing:
     """Unite what a drawing fills into one region, mm, y upwards.
 
     Lengths follow the SVG standard: `width` and `height` with their units size the `viewBox`, and a plain number is a
-    pixel of 1/96 inch. Styles, transforms, clones and clip paths count; what lies outside the page does not. A fill of
-    the whole page with others on it is the page. White on another fill is a hole. Curves become chords within
-    FLATTENING of the page, LARGEST_FLATTENING at most.
+    pixel of 1/96 inch. Styles, transforms, clones, clip paths and masks of black and white count; what lies outside the
+    page does not. A fill of the whole page with others on it is the page. White on another fill is a hole. Curves
+    become chords within FLATTENING of the page, LARGEST_FLATTENING at most.
 
     Raises InputError if the content is not SVG, fills nothing that is seen, or holds what changes the outline and is
-    not read: text, pictures, masks, filters, patterns, markers.
+    not read: text, pictures, other masks, filters, patterns, markers.
     """
     if len(content) > LARGEST_FILE:
         raise InputError(f"the drawing has {len(content):,} bytes; the most is {LARGEST_FILE:,}")
@@ -128,39 +138,35 @@ class _Reader:
         self.strokes = self.chords = self.elements = 0
 
     def read(self) -> Drawing:
-        from manifold3d import CrossSection
-
         matrix, view, size = _page(self.declared[self.root])
         page = None
         self.flattening = LARGEST_FLATTENING
         if size is not None:
             self.flattening = min(FLATTENING * max(size), LARGEST_FLATTENING)
-            page = CrossSection([np.array([[0, 0], [size[0], 0], size, [0, size[1]]])]).mirror((0, 1))
+            page = CrossSection.square(size).mirror((0, 1))
         fills = list(self._walk([(self.root, _Context({}, matrix, view))], self._fill))
+        pages, remarks = 0, []
+        if fills and page is not None:
+            area = _united(fills).area()
+            fills = [fill._replace(region=fill.region ^ page) for fill in fills]
+            inside = _united(fills).area()
+            if inside == 0:
+                raise InputError("all that it fills lies outside the page: fit the page to the drawing")
+            if inside < area * (1 - WHOLE_PAGE):
+                remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
+            whole = [fill.region.area() > (1 - WHOLE_PAGE) * page.area() for fill in fills]
+            pages = [*whole[:-1], False].index(False)
+            if all(whole) and self.strokes > sum(fill.stroked for fill in fills):
+                fills = []  # a page with strokes on it
         if not fills:
-            strokes = (
-                f", only strokes ({self.strokes:,}): convert them to paths"
-                if self.strokes
-                else " that is seen"
-            )
-            raise InputError(f"there is no filled outline in the drawing{strokes}")
-        remarks = (
-            [f"{self.strokes:,} strokes are left out: only what is filled counts"] if self.strokes else []
-        )
-        if page is None:
-            return Drawing(_seen(fills, None), remarks)
-        area = _united(fills).area()
-        fills = [_Fill(fill.region ^ page, fill.paint) for fill in fills]
-        inside = _united(fills).area()
-        if inside == 0:
-            raise InputError("all that it fills lies outside the page: fit the page to the drawing")
-        if inside < area * (1 - WHOLE_PAGE):
-            remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
-        whole = (1 - WHOLE_PAGE) * page.area()
-        pages = [*(fill.region.area() > whole for fill in fills[:-1]), False].index(False)
+            strokes = f", only strokes ({self.strokes:,}): convert them to paths"
+            why = strokes if self.strokes else " that is seen"
+            raise InputError(f"there is no filled outline in the drawing{why}")
+        if self.strokes:
+            remarks.insert(0, f"{self.strokes:,} strokes are left out: only what is filled counts")
         if pages:
             remarks.append("a fill of the whole page is left out: it is the page and not the shape")
-        return Drawing(_seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None), remarks)
+        return Drawing(_seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None, remarks), remarks)
 
     def _walk(
         self, elements: list[tuple[Element, _Context]], leaf: Callable[[Element, _Context], Any]
@@ -172,89 +178,78 @@ class _Reader:
             self.elements += 1
             if self.elements > MOST_ELEMENTS:
                 raise InputError(f"it draws more than {MOST_ELEMENTS:,} elements: simplify it")
-            if not _is_shown(element):
-                continue
             tag = element.tag.removeprefix(SVG)
+            symbol = tag == "symbol" and element in around.clones
+            if not (symbol or _is_shown(element)):
+                continue
             declared = self.declared[element]
             style = computed(declared, around.style)
-            if style["display"] == "none":
+            if style["display"] == "none" and not symbol:
                 continue
             here = replace(around, style=style, alpha=around.alpha * share(style["opacity"]))
-            if style["transform"] != "none":
+            if style["transform"] != "none" and not symbol:
                 if style["transform-box"] != "view-box":
                     here = replace(here, hazard="a transform about the box of an element")
-                matrix = _transform(style["transform"], style["transform-origin"], here.view)
-                here = replace(here, matrix=_joined(here.matrix, matrix))
+                here = replace(here, matrix=_joined(here.matrix, _transform(style, here.view)))
             if tag == "use":
                 x, y = (_length(declared, key, here.view, index) for index, key in enumerate(("x", "y")))
                 here = replace(here, matrix=_joined(here.matrix, np.array([[1.0, 0, x], [0, 1.0, y]])))
-            for key in ("mask", "filter", "translate", "rotate", "scale"):
+            for key in ("filter", "translate", "rotate", "scale"):
                 if style[key] != "none" and url_in(style[key])[0] in {None, *self.named}:
                     here = replace(here, hazard=f"a {key}")
-            if style["clip-path"] != "none":
-                here = self._clipped(here)
+            for key in ("mask", "clip-path"):
+                if style[key] != "none":
+                    here = self._cut(here, key)
             if tag in _SHAPES:
                 yield from leaf(element, here)
-            elif tag in _FOREIGN:
-                self._refuse_foreign(element, tag, here)
-            elif tag in ("g", "a"):
-                stack += [(child, here) for child in reversed(element)]
-            elif tag == "switch":
-                stack += [(child, here) for child in element if _is_shown(child)][:1]
-            elif tag == "svg":
-                inner = here if element is self.root else self._viewport(declared, declared, here)
-                stack += [(child, inner) for child in reversed(element)]
             elif tag == "use":
                 stack += self._cloned(element, here)
+            elif tag == "switch":
+                stack += [(child, here) for child in element if _is_shown(child)][:1]
+            else:
+                if tag in _FOREIGN:
+                    self._refuse_foreign(element, tag, here)
+                elif tag in ("svg", "symbol") and element is not self.root:
+                    here = self._viewport(declared, here)
+                stack += [(child, here) for child in reversed(element)]
 
     def _fill(self, element: Element, here: _Context) -> Iterator[_Fill]:
         """Give the region of a shape that is filled, and count its stroke."""
         style = here.style
         if style["visibility"] in _HIDDEN:
             return
-        stroke = self._paint("stroke", here)
-        self.strokes += stroke is not None and not re.fullmatch(r"0*\.?0*(px)?", style["stroke-width"])
+        wide = not re.fullmatch(r"0*\.?0*(px)?", style["stroke-width"])
+        stroked = wide and self._paint("stroke", here) is not None
+        self.strokes += stroked
         fill = self._paint("fill", here)
-        if element.tag in (f"{SVG}path", f"{SVG}line", f"{SVG}polyline", f"{SVG}polygon"):
-            for key in ("marker", "marker-start", "marker-mid", "marker-end"):
-                if url_in(style[key])[0] in self.named:
-                    raise InputError(
-                        "it draws markers (arrow heads) at the ends of an outline: convert them to paths"
-                    )
+        markers = {url_in(style[key])[0] for key in ("marker", "marker-start", "marker-mid", "marker-end")}
+        if markers & self.named.keys() and element.tag.removeprefix(SVG) in _MARKED:
+            raise InputError("it draws markers (arrow heads) at ends of an outline: convert them to paths")
         if fill is None or element.tag == f"{SVG}line":
             return
         region = self._region(element, here, style["fill-rule"])
-        if region.is_empty():
-            return
-        if here.hazard:
-            raise InputError(
-                f"it has {here.hazard}, which can change the outline: apply it and save again as plain SVG"
-            )
-        yield _Fill(region, fill)
+        if not region.is_empty():
+            yield _Fill(region, fill, stroked)
 
     def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
-        """Give the region within a shape's outline, clipped, mm."""
-        from manifold3d import CrossSection, FillRule
-
-        contours = self._outlines(element, here)
+        """Flatten a shape's outlines, each of which is closed, and give the region within, clipped, mm."""
+        contours = []
+        for part in _subpaths(_path_data(element.tag.removeprefix(SVG), self.declared[element], here.view)):
+            contours.append(_chords(part, here.matrix, self.flattening))
+            self.chords += len(contours[-1])
+            if self.chords > MOST_CHORDS:
+                raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
         region = CrossSection(contours, FillRule.EvenOdd if rule == "evenodd" else FillRule.NonZero)
         if region.num_vert() > MOST_CHORDS:
             raise InputError(
                 f"an outline crosses itself in {region.num_vert():,} corners; the most is {MOST_CHORDS:,}"
             )
-        return region if here.clip is None else region ^ here.clip
-
-    def _outlines(self, element: Element, here: _Context) -> list[FloatArray]:
-        """Flatten a shape's outlines into chords, mm; an open one is filled as if it were closed."""
-        contours = []
-        data = _path_data(element.tag.removeprefix(SVG), self.declared[element], here.view)
-        for part in _subpaths(data):
-            if len(part) > 1:
-                contours.append(_chords(part, here.matrix, self.flattening))
-                self.chords += len(contours[-1])
-                if self.chords > MOST_CHORDS:
-                    raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
-        return contours
+        region = region if here.clip is None else region ^ here.clip
+        if here.hazard and not region.is_empty():
+            raise InputError(
+                f"it has {here.hazard}, which can change the outline: apply it and save again as plain SVG"
+            )
+        return region
 
     def _paint(self, key: str, here: _Context) -> Paint | None:
         """Tell what fills or strokes a shape; None if it cannot be seen."""
@@ -275,55 +270,73 @@ class _Reader:
     def _gradient(self, server: Element | None) -> Paint | None:
         """Take a gradient for its colour if it has one only; None if all of it is transparent."""
         seen: list[Element] = []
-        stops: list[Paint | None] = []
-        while server is not None and server not in seen and not stops:
+        stops: list[Paint] = []
+        while server is not None and server.tag in _GRADIENTS and server not in seen and not stops:
             seen.append(server)
             for stop in server.iter(f"{SVG}stop"):
                 style = self._style(stop)
-                paint = color(style["stop-color"], style)
-                stops.append(paint and Paint(paint.rgb, paint.alpha * share(style["stop-opacity"])))
+                paint = color(style["stop-color"], style) or Paint(None, 0.0)
+                stops.append(Paint(paint.rgb, paint.alpha * share(style["stop-opacity"])))
             server = self.named.get(_link(server.attrib))
-            server = server if server is not None and server.tag in _GRADIENTS else None
-        colours = {stop.rgb for stop in stops if stop is not None and stop.alpha > 0}
+        colours = {stop.rgb for stop in stops if stop.alpha > 0}
         if not colours:
             return None
-        least = min(stop.alpha if stop is not None else 0.0 for stop in stops)
+        least = min(stop.alpha for stop in stops)
         return Paint(colours.pop() if len(colours) == 1 else None, max(least, 1 / 255))
 
     def _style(self, element: Element) -> Style:
         """Compute the properties of an element that is referred to, from where it stands."""
-        line = [element]
-        while line[-1] in self.parents:
-            line.append(self.parents[line[-1]])
-        return reduce(lambda style, inner: computed(self.declared[inner], style), reversed(line), {})
+        parent = self.parents.get(element)
+        return computed(self.declared[element], {} if parent is None else self._style(parent))
 
-    def _clipped(self, here: _Context) -> _Context:
-        """Add an element's clip path to what holds for it."""
-        from manifold3d import CrossSection, OpType
-
-        link = url_in(here.style["clip-path"])[0]
+    def _cut(self, here: _Context, key: str) -> _Context:
+        """Add an element's clip path, or a mask that shows or hides, to what holds for it."""
+        name, tag = {"clip-path": ("clip path", f"{SVG}clipPath"), "mask": ("mask", f"{SVG}mask")}[key]
+        link = url_in(here.style[key])[0]
         if link is None:
-            return replace(here, hazard=f"a clip of its style ({here.style['clip-path'][:40]})")
-        clip = self.named.get(link)
-        if clip is None or clip.tag != f"{SVG}clipPath":
+            return replace(here, hazard=f"a {name} of its style ({here.style[key][:40]})")
+        part = self.named.get(link)
+        if part is None or part.tag != tag:
             return here
-        if clip in here.clones:
-            raise InputError("a clip path in it clips itself")
-        if self.declared[clip].get("clipPathUnits") == "objectBoundingBox":
-            return replace(here, hazard="a clip path in units of a box")
-        style = self._style(clip)
-        inner = replace(here, style=style, alpha=1.0, hazard="", clones=(*here.clones, clip))
-        if style["clip-path"] != "none":
-            inner = self._clipped(inner)  # which a clip path's own transform does not move
-        if style["transform"] != "none":
-            matrix = _transform(style["transform"], style["transform-origin"], inner.view)
-            inner = replace(inner, matrix=_joined(inner.matrix, matrix))
-        parts = [(child, inner) for child in clip if self._may_clip(child)]
-        regions = list(self._walk(parts, self._clip_part))
-        region = CrossSection.batch_boolean(regions, OpType.Add) if regions else CrossSection()
-        return replace(
-            here, clip=region if here.clip is None else region ^ here.clip, hazard=here.hazard or inner.hazard
-        )
+        if part in here.clones:
+            raise InputError(f"a {name} in it refers to itself")
+        declared, style = self.declared[part], self._style(part)
+        if "objectBoundingBox" in (declared.get("clipPathUnits"), declared.get("maskContentUnits")):
+            return replace(here, hazard=f"a {name} in units of a box")
+        inner = replace(here, style=style, clip=None, alpha=1.0, hazard="", clones=(*here.clones, part))
+        if style[key] != "none":
+            inner = self._cut(inner, key)  # which a clip path's own transform does not move
+        if key == "mask":
+            region = self._mask_region(part, inner)
+        else:
+            if style["transform"] != "none":
+                inner = replace(inner, matrix=_joined(inner.matrix, _transform(style, inner.view)))
+            parts = [(child, inner) for child in part if self._may_clip(child)]
+            regions = list(self._walk(parts, self._clip_part))
+            region = CrossSection.batch_boolean(regions, OpType.Add) if regions else CrossSection()
+        if region is None:
+            return replace(here, hazard="a mask that does more than show or hide")
+        return replace(here.within(region), hazard=here.hazard or inner.hazard)
+
+    def _mask_region(self, mask: Element, inner: _Context) -> CrossSection | None:
+        """Give what a mask shows: where it is white, or filled if its alpha counts; None if it shows a part only."""
+        strokes, self.strokes = self.strokes, 0
+        fills = list(self._walk([(child, inner) for child in mask], self._fill))
+        strokes, self.strokes = self.strokes, strokes
+        region = CrossSection()
+        for fill in fills:
+            shows = inner.style["mask-type"] == "alpha" or min(fill.paint.rgb or (0,)) >= WHITE
+            if fill.paint.alpha < OPAQUE or not (shows or max(fill.paint.rgb or (255,)) <= 255 - WHITE):
+                return None
+            region = region + fill.region if shows else region - fill.region
+        declared = {"x": "-10%", "y": "-10%", "width": "120%", "height": "120%"} | self.declared[mask]
+        if declared.get("maskUnits") == "userSpaceOnUse":
+            x, y, width, height = _rectangle(declared, inner.view)
+            region ^= CrossSection.square((width, height)).translate((x, y)).transform(inner.matrix)
+        else:
+            x, y, width, height = _rectangle(declared, (1.0, 1.0))
+            strokes += max(x, y) > 0 or min(x + width, y + height) < 1
+        return None if strokes else region
 
     def _may_clip(self, child: Element) -> bool:
         """Tell whether a child of a clip path is a shape, a text or a clone of one: others do not count."""
@@ -331,30 +344,21 @@ class _Reader:
         return drawn is not None and drawn.tag in {f"{SVG}text", *(f"{SVG}{tag}" for tag in _SHAPES)}
 
     def _clip_part(self, element: Element, here: _Context) -> Iterator[CrossSection]:
-        if here.hazard:
-            raise InputError(f"a clip path in it has {here.hazard}: apply it and save again as plain SVG")
         if here.style["visibility"] not in _HIDDEN:
             yield self._region(element, here, here.style["clip-rule"])
 
-    def _viewport(self, declared: Style, size: Style, here: _Context) -> _Context:
-        """Enter an inner <svg> or a cloned <symbol>: what is declared of it, and the width and height that it gets."""
-        from manifold3d import CrossSection, FillRule
-
-        view = here.view
-        x, y = (_length(declared, key, view, index) for index, key in enumerate(("x", "y")))
-        width, height = (
-            _length({"width": "100%", "height": "100%"} | size, key, view, index)
-            for index, key in enumerate(("width", "height"))
-        )
+    def _viewport(self, declared: Style, here: _Context) -> _Context:
+        """Enter an inner <svg> or a cloned <symbol>."""
+        sized = {"width": "100%", "height": "100%"} | declared | here.size
+        x, y, width, height = _rectangle(sized, here.view)
         box = _view_box(declared)
         fit = _fit(box, width, height, declared.get("preserveAspectRatio", "")) if box else np.eye(2, 3)
-        clip = here.clip
         if here.style["overflow"] in ("hidden", "scroll"):
-            corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-            frame = CrossSection([_moved(here.matrix, corners)], FillRule.NonZero)
-            clip = frame if clip is None else frame ^ clip
+            frame = CrossSection.square((width, height)).translate((x, y))
+            here = here.within(frame.transform(here.matrix))
         matrix = _joined(here.matrix, _joined(np.array([[1.0, 0, x], [0, 1.0, y]]), fit))
-        return replace(here, matrix=matrix, clip=clip, view=(box[2], box[3]) if box else (width, height))
+        view = (box[2], box[3]) if box else (width, height)
+        return replace(here, matrix=matrix, view=view, size={})
 
     def _cloned(self, use: Element, here: _Context) -> list[tuple[Element, _Context]]:
         """List what a <use> shows, in its own frame."""
@@ -365,50 +369,44 @@ class _Reader:
         element = self.named.get(link)
         if element is None or element in here.clones or use in element.iter():
             return []
-        inner = replace(here, clones=(*here.clones, element))
-        if element.tag not in (f"{SVG}symbol", f"{SVG}svg"):
-            return [(element, inner)]
-        own = self.declared[element]
-        size = {key: value for key, value in [*own.items(), *declared.items()] if key in ("width", "height")}
-        inner = replace(
-            inner, style=computed(own, here.style), alpha=inner.alpha * share(own.get("opacity", "1"))
-        )
-        if own.get("display") == "none" and element.tag == f"{SVG}svg":
-            return []
-        inner = self._viewport(own, size, inner)
-        return [(child, inner) for child in reversed(element)]
+        size: Style = {}
+        if element.tag in (f"{SVG}symbol", f"{SVG}svg"):
+            size = {key: declared[key] for key in ("width", "height") if key in declared}
+        return [(element, replace(here, clones=(*here.clones, element), size=size))]
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        text = "".join(element.itertext()).strip()
-        empty = not {"text": text, "image": _link(element.attrib)}.get(tag, text or len(element))
-        unseen = tag == "text" and self._paint("fill", here) is None and self._paint("stroke", here) is None
+        text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
+        content = {"image": _link(element.attrib), "foreignObject": len(element)}.get(tag) or text
+        unseen = tag in _TEXT and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0
-        if not (empty or unseen or here.style["visibility"] in _HIDDEN):
+        if content and not (unseen or here.style["visibility"] in _HIDDEN):
             raise InputError(
                 f"it draws {_FOREIGN[tag]} (<{tag}>); only filled outlines are read: convert it to paths"
             )
 
 
 def _united(fills: list[_Fill]) -> CrossSection:
-    from manifold3d import CrossSection, OpType
-
     return CrossSection.batch_boolean([fill.region for fill in fills], OpType.Add)
 
 
-def _seen(fills: list[_Fill], page: Rgb | None) -> CrossSection:
+def _seen(fills: list[_Fill], page: Rgb | None, remarks: list[str]) -> CrossSection:
     """Paint the fills one over the other; white ones, and those of the page's colour, are holes where they are opaque.
 
-    page: the colour of a fill of the whole page. White that is on no other colour is the shape itself.
+    page: the colour of a fill of the whole page. Where all is white, white is the shape itself.
     """
-    from manifold3d import CrossSection
-
     own: set[Rgb | None] = set() if page is None else {page}
     holes = own | {fill.paint.rgb for fill in fills if min(fill.paint.rgb or (0,)) >= WHITE}
-    if all(fill.paint.rgb in holes for fill in fills):
+    colours = {fill.paint.rgb for fill in fills}
+    if colours <= own:
+        raise InputError("nothing in it is seen: all fills have the colour of the page")
+    if colours <= holes:
         holes = own
-        if all(fill.paint.rgb in holes for fill in fills):
-            raise InputError("nothing in it is seen: all fills have the colour of the page")
+    seen, ink = ([fill for fill in fills if fill.paint.rgb not in left_out] for left_out in (own, holes))
+    covered = _united(ink).area()
+    white = _united(seen).area() - covered
+    if white > WHOLE_PAGE * covered:
+        remarks.append(f"{white:.4g} mm^2 of white that lie on no other colour are left out")
     region = CrossSection()
     for hole, group in groupby(fills, lambda fill: fill.paint.rgb in holes):
         if hole:
@@ -435,10 +433,8 @@ def _page(declared: Style) -> tuple[FloatArray, tuple[float, float] | None, Floa
         view = None if width is None or height is None else (width / PIXEL, height / PIXEL)
         matrix = np.array([[PIXEL, 0, 0], [0, PIXEL, 0]])
     else:
-        width, height = (
-            width or (box[2] * height / box[3] if height else box[2] * PIXEL),
-            height or (box[3] * width / box[2] if width else box[3] * PIXEL),
-        )
+        width = width or (box[2] * height / box[3] if height else box[2] * PIXEL)
+        height = height or box[3] * width / box[2]
         view = box[2], box[3]
         matrix = _fit(box, width, height, declared.get("preserveAspectRatio", ""))
     return np.diag([1.0, -1.0]) @ matrix, view, None if view is None else np.array([width, height])
@@ -448,9 +444,19 @@ def _view_box(declared: Style) -> tuple[float, float, float, float] | None:
     text = declared.get("viewBox", "").strip()
     if not text:
         return None
-    x, y, width, height = (float(number) for number in re.split(r"[\s,]+", text))
+    try:
+        x, y, width, height = (float(number) for number in re.split(r"[\s,]+", text))
+    except ValueError:
+        x = y = width = height = math.nan
     if not (width > 0 and height > 0 and math.isfinite(x + y + width + height)):
         raise InputError(f"its viewBox is {short(text)}; it needs four numbers, the last two positive")
+    return x, y, width, height
+
+
+def _rectangle(declared: Style, view: tuple[float, float] | None) -> tuple[float, float, float, float]:
+    """Read x, y, width and height in user units."""
+    x, y = (_length(declared, key, view, axis) for axis, key in enumerate(("x", "y")))
+    width, height = (_length(declared, key, view, axis) for axis, key in enumerate(("width", "height")))
     return x, y, width, height
 
 
@@ -482,16 +488,16 @@ def _length(declared: Style, key: str, view: tuple[float, float] | None, axis: i
     return float(match[1]) / 100 * (*view, math.hypot(*view) / math.sqrt(2))[axis]
 
 
-def _transform(text: str, origin: str, view: tuple[float, float] | None) -> FloatArray:
-    """Read an SVG or CSS transform about an origin as a matrix (2, 3)."""
-    import tinycss2
-
+def _transform(style: Style, view: tuple[float, float] | None) -> FloatArray:
+    """Read an SVG or CSS transform about its origin as a matrix (2, 3)."""
+    text = style["transform"]
     words = {"left": "0", "top": "0", "center": "50%", "right": "100%", "bottom": "100%"}
-    places = (origin.lower().split() + ["center"])[:2]
+    places = (style["transform-origin"].lower().split() + ["center"])[:2]
     if places[0] in ("top", "bottom") or places[1] in ("left", "right"):
         places.reverse()
     x0, y0 = (
-        _length({"origin": words.get(places[axis], places[axis])}, "origin", view, axis) for axis in (0, 1)
+        _length({"origin": words.get(place, place)}, "origin", view, axis)
+        for axis, place in enumerate(places)
     )
     matrix = np.array([[1.0, 0, x0], [0, 1.0, y0]])
     functions = re.sub(r"\s+\(", "(", text)  # an attribute may have blanks there, CSS may not
@@ -511,30 +517,31 @@ def _one_transform(token: Any, view: tuple[float, float] | None) -> FloatArray:
             values.append(part.value * _ANGLES[part.lower_unit])
         elif part.type == "percentage" and name.startswith("scale"):
             values.append(part.value / 100)
-        elif part.type in ("number", "dimension", "percentage"):
+        elif part.type != "whitespace" and part != ",":
             axis = 1 if name == "translatey" or values else 0
             values.append(_length({name: part.serialize()}, name, view, axis))
-        elif part.type != "whitespace" and part != ",":
-            raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read")
-    if name == "matrix" and len(values) == 6:
-        return np.reshape(values, (3, 2)).T
-    a, b = values[0], values[1] if len(values) > 1 else None
-    if name == "rotate" and len(values) in (1, 3):
-        c, s = math.cos(math.radians(a)), math.sin(math.radians(a))
-        about = np.array(values[1:] or (0.0, 0.0))
-        turn = np.array([[c, -s], [s, c]])
-        return np.column_stack([turn, about - turn @ about])
-    c = 0.0 if b is None else b
-    lean, lift = math.tan(math.radians(a)), math.tan(math.radians(c))
-    known = {
-        "translate": ((1, 0, a), (0, 1, c)), "translatex": ((1, 0, a), (0, 1, 0)), "translatey": ((1, 0, 0), (0, 1, a)),
-        "scale": ((a, 0, 0), (0, a if b is None else b, 0)), "scalex": ((a, 0, 0), (0, 1, 0)),
-        "scaley": ((1, 0, 0), (0, a, 0)), "skew": ((1, lean, 0), (lift, 1, 0)), "skewx": ((1, lean, 0), (0, 1, 0)),
-        "skewy": ((1, 0, 0), (lean, 1, 0)),
-    }  # fmt: skip
-    if name not in known or len(values) > 2:
-        raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read")
-    return np.array(known[name], dtype=float)
+    try:
+        return np.array(_TRANSFORMS[name](*values), dtype=float)
+    except (KeyError, TypeError) as error:
+        raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read") from error
+
+
+def _rotated(degrees: float, x: float = 0.0, y: float = 0.0) -> tuple[tuple[float, ...], ...]:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return (c, -s, x - c * x + s * y), (s, c, y - s * x - c * y)
+
+
+def _skewed(lean: float, lift: float = 0.0) -> tuple[tuple[float, ...], ...]:
+    return (1, math.tan(math.radians(lean)), 0), (math.tan(math.radians(lift)), 1, 0)
+
+
+_TRANSFORMS: dict[str, Callable[..., tuple[tuple[float, ...], ...]]] = {
+    "matrix": lambda a, b, c, d, e, f: ((a, c, e), (b, d, f)), "translate": lambda x, y=0.0: ((1, 0, x), (0, 1, y)),
+    "translatex": lambda x: ((1, 0, x), (0, 1, 0)), "translatey": lambda y: ((1, 0, 0), (0, 1, y)),
+    "scale": lambda x, y=None: ((x, 0, 0), (0, x if y is None else y, 0)), "scalex": lambda x: ((x, 0, 0), (0, 1, 0)),
+    "scaley": lambda y: ((1, 0, 0), (0, y, 0)), "rotate": _rotated, "skew": _skewed,
+    "skewx": lambda lean: _skewed(lean), "skewy": lambda lift: _skewed(0.0, lift),
+}  # fmt: skip
 
 
 def _joined(outer: FloatArray, inner: FloatArray) -> FloatArray:
@@ -563,24 +570,21 @@ def _is_shown(element: Element) -> bool:
 def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> str:
     """Write a shape as path data, in user units; empty if it has no size."""
     if tag == "path":
-        return declared.get("d", "")
+        return declared.get("d", "").removeprefix("none")
     if tag in ("polygon", "polyline"):
         return f"M{declared['points']}z" if declared.get("points") else ""
 
-    def length(key: str, axis: int) -> float | None:
-        value = None if declared.get(key, "auto") == "auto" else _length(declared, key, view, axis)
-        return None if value is None or (value < 0 and key in ("rx", "ry")) else value
-
-    rx, ry = length("rx", 0), length("ry", 1)
-    rx, ry = (rx or 0.0 if ry is None else ry) if rx is None else rx, (rx or 0.0) if ry is None else ry
+    given = {key: value for key, value in declared.items() if value != "auto"}
+    declared = {"rx": "-1", "ry": "-1"} | given
+    rx, ry = (_length(declared, key, view, axis) for axis, key in enumerate(("rx", "ry")))
+    rx, ry = rx if rx >= 0 else max(ry, 0.0), ry if ry >= 0 else max(rx, 0.0)
     if tag == "circle":
-        rx = ry = length("r", 2) or 0.0
+        rx = ry = _length(declared, "r", view, 2)
     if tag == "rect":
-        x, y = length("x", 0) or 0.0, length("y", 1) or 0.0
-        width, height = length("width", 0) or 0.0, length("height", 1) or 0.0
+        x, y, width, height = _rectangle(declared, view)
         rx, ry = min(rx, width / 2), min(ry, height / 2)
     else:
-        x, y = (length("cx", 0) or 0.0) - rx, (length("cy", 1) or 0.0) - ry
+        x, y = _length(declared, "cx", view, 0) - rx, _length(declared, "cy", view, 1) - ry
         width, height = 2 * rx, 2 * ry
     if not (width > 0 and height > 0) or tag == "line":
         return ""
@@ -592,25 +596,20 @@ def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> s
     )
 
 
-def _subpaths(data: str) -> Iterator[list[Any]]:
-    """Part path data into runs of segments that start with a move."""
-    from svg.path import Move, parse_path
-
-    run: list[Any] = []
+def _subpaths(data: str) -> list[list[Any]]:
+    """Part path data into runs of segments that start with a move and go on."""
+    runs: list[list[Any]] = []
     for segment in parse_path(data):
         if isinstance(segment, Move):
-            yield run
-            run = []
-        elif not run:
+            runs.append([])
+        elif not runs:
             raise InputError("an outline in it does not begin with a move (M)")
-        run.append(segment)
-    yield run
+        runs[-1].append(segment)
+    return [run for run in runs if len(run) > 1]
 
 
 def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> FloatArray:
     """Flatten a run of lines, Bezier curves and arcs into corners (k, 2) mm; chords are off by `flattening` at most."""
-    from svg.path import Linear
-
     corners = []
     for segment in segments[1:]:
         count = 1.0

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactsim.core.errors import InputError, short
-from tactsim.core.files import read_bytes
 from tactsim.core.scan import is_label
-from tactsim.models.mesh import read_solid
-from tactsim.models.shapes import ENDINGS, LARGEST_FILE
+from tactsim.models.shapes import ENDINGS, read_file
 from tactsim.models.solids.solid import MOST_TRIANGLES, Solid, solid_of
 from tactsim.models.solids.triangles import crossings
 
@@ -33,15 +31,14 @@ def read_solid_file(path: str | Path, name: str | None = None) -> Solid:
     Raises InputError if the file cannot be read or is damaged, if the mesh is open or cuts through itself, or if it
     measures more than `LARGEST_SOLID` mm along an axis.
     """
+    from tactsim.models.mesh import read_solid
+
     path = Path(path)
     name = path.stem if name is None else name
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise InputError(f"{path}: solids are read from {', '.join(ENDINGS)} files, not {suffix or 'this'}")
-    try:
-        content = read_bytes(path, LARGEST_FILE)
-    except InputError as error:
-        raise InputError(f"cannot read solid {path}: {error}") from error
+    content = read_file(path, "solid")
     if not is_label(name):
         raise InputError(f"{short(name)} is no name for a solid; give one of 1 to 100 printable characters")
     try:

@@ -26,7 +26,18 @@ RECT = 'width="28" height="28"'
 BLACK = '<path d="M3 3h24v24h-24z"/>'
 MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
 PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
-UNKNOWN_TO_RESVG = ("@media screen", "rgb(0 0 0 / 0)", "turn)", "200%", "var(", "NONE", "foo", "p3", "lch")
+UNKNOWN_TO_RESVG = (
+    "@media",
+    "a-10-10",
+    "rgb(0 0 0 / 0)",
+    "turn)",
+    "200%",
+    "var(",
+    "NONE",
+    "foo",
+    "p3",
+    "lch",
+)
 FILLS_ONLY = "*{stroke:none !important}"
 
 
@@ -111,7 +122,8 @@ SEEN = [
     ('<circle cx="50%" cy="50%" r="10%"/>', 9 * math.pi),
     ('<path d="M0 0 C 0 10 20 10 20 0 Z"/>', 120),
     ('<path d="M0 0 Q 10 20 20 0"/>', 400 / 3),
-    ('<path d="M5 15a5 5 0 0120 0z"/>', 50 * math.pi),
+    ('<path d="M5 15a5 5 0 0120 0z"/><path d="none"/>', 50 * math.pi),
+    ('<path d="M5 15a-10-10 0 0120 0z"/>', 50 * math.pi),
     ('<path transform="scale(2,.5)" d="M2 15A5 5 0 1 1 12 15A5 5 0 0 1 2 15"/>', 25 * math.pi),
     ('<path transform="matrix(-1 0 .5 1 20 0)" d="M5 15A6 3 30 0 1 15 15z"/>', None),
     # transforms
@@ -135,6 +147,24 @@ SEEN = [
     ('<clipPath id="c"><path clip-rule="evenodd" d="M2 2h14v14h-14zM7 7h4v5h-4z"/></clipPath><rect width="28" '
      'height="28" clip-path="url(#c)"/>', 176),
     ('<svg width="50%" height="50%" viewBox="0 0 30 30" overflow="visible"><path d="M4 2h6v18h10v6h-16z"/></svg>', 51),
+    (f'<clipPath id="c"><rect width="7" height="30"/></clipPath><symbol id="s" clip-path="url(#c)">{L}</symbol><use '
+     'href="#s"/>', 72),
+    # masks that show and hide: as Figma, Sketch and Illustrator write them, and by hand
+    ('<mask id="m" style="mask-type:alpha" maskUnits="userSpaceOnUse" x="0" y="0" width="15" height="30"><rect '
+     f'fill="#D9D9D9" {RECT}/></mask><g mask="url(#m)">{L}</g>', 174),
+    (f'<defs><path id="a" d="M0 0h15v30h-15z"/></defs><g fill="none"><mask id="m" fill="white"><use href="#a"/></mask>'
+     f'<path fill="red" mask="url(#m)" {D}/></g>', 174),
+    (f'<mask id="m"><rect fill="white" {RECT}/><path d="M8 8h6v6h-6z"/></mask><rect x="2" y="2" width="20" height="20" '
+     'mask="url(#m)"/>', 364),
+    (f'<mask id="n"><rect width="30" height="10" fill="white"/></mask><mask id="m" mask="url(#n)"><rect width="8" '
+     f'height="30" fill="white"/></mask><g transform="translate(2 0)" mask="url(#m)">{L}</g>', 32),
+    (f'<mask id="m" x="0" y="0" width="1" height="1"/><rect mask="url(#m)" {RECT}/>{L}', 204),
+    # rules for some readers, and rules in rules
+    *[(f'<style>@media {media}{{rect{{fill:none}}}}</style><rect {RECT}/>{L}', 204)
+      for media in ("only screen", "print, screen and (prefers-color-scheme: light)")],
+    (f'<style>rect{{fill:none}} @media (prefers-color-scheme:dark){{*{{fill:red}}}}</style><rect {RECT}/>{L}', 204),
+    (f'<style>@media (hover){{a{{cursor:help}}}} g{{.a{{fill:none}} &amp;.b path{{fill:red}}}}</style><g fill="none" '
+     f'class="b"><rect class="a" fill="red" {RECT}/>{L}</g>', 204),
     # what changes no outline
     (f'<symbol id="s"><rect {RECT}/></symbol><text display="none">A</text>{L}', 204),
     (f'<a href="#x">{L}</a><script>1</script><view id="v"/><metadata/><g style="display:none"><text>A</text></g>', 204),
@@ -217,6 +247,11 @@ def test_icons_are_what_resvg_fills(text, page):
         ),
         (f'{L}<rect x="40" y="40" width="5" height="5"/>', "25 mm^2 that lie outside the page are left out"),
         (f'<rect width="30" height="30" fill="white"/>{L}', "it is the page and not the shape"),
+        ('<rect width="30" height="30" stroke="red"/>', "1 strokes are left out"),
+        (
+            f'{WHITE}<rect x="20" y="2" width="9" height="9"/>',
+            "204 mm^2 of white that lie on no other colour",
+        ),
         (f'{L}<rect fill="none" stroke="none" {RECT}/>', ""),
     ],
 )
@@ -264,8 +299,24 @@ def test_drawings_that_are_put_together_are_what_resvg_fills(data):
     ("body", "expected"),
     [
         ("<text>A</text>", "<text>"),
-        (f'{MASK}<g mask="url(#m)"><rect width="9" height="9"/></g>', "it has a mask"),
-        ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip of its style"),
+        ('<text fill="none"><tspan display="none">A</tspan><tspan fill="red">A</tspan></text>', "<tspan>"),
+        *[
+            (f'<mask id="m"{mask}</mask><g mask="url(#m)"><rect width="9" height="9"/></g>', "it has a mask")
+            for mask in (
+                '><rect width="5" height="5" fill="gray"/>',
+                '><rect width="5" height="5" fill="white" opacity=".5"/>',
+                '><path fill="white" stroke="black" d="M0 0h9v9z"/>',
+                ' width=".5"><rect width="9" height="9" fill="white"/>',
+                ' maskContentUnits="objectBoundingBox"><rect width="1" height="1" fill="white"/>',
+            )
+        ],
+        (
+            '<mask id="m"><rect mask="url(#m)"/></mask><rect mask="url(#m)" width="9" height="9"/>',
+            "to itself",
+        ),
+        (f"<style>@supports (x:y){{path{{fill:none}}}}</style>{L}", "under '@supports (x:y)'"),
+        (f'<style media="(min-width: 9em)">path{{fill:none}}</style>{L}', "under '@media (min-width: 9em)'"),
+        ('<rect width="9" height="9" style="clip-path:circle(3px)"/>', "a clip path of its style"),
         ('<rect width="9" height="9" style="translate:5px"/>', "it has a translate"),
         (
             '<rect width="9" height="9" style="transform-box:fill-box;transform:rotate(9deg)"/>',
@@ -275,6 +326,8 @@ def test_drawings_that_are_put_together_are_what_resvg_fills(data):
         ('<pattern id="p"/><rect width="9" height="9" fill="url(#p)"/>', "a pattern"),
         ('<marker id="m"/><path marker-end="url(#m)" d="M0 0h9v9z"/>', "markers"),
         ('<line x2="9" y2="9" stroke="red"/>', "only strokes (1)"),
+        (f'<path fill="white" d="M0 0h30v30h-30z"/><path fill="none" stroke="red" {D}/>', "only strokes (1)"),
+        ('<svg viewBox="0 0 30px 30px"/>', "its viewBox is '0 0 30px 30px'; it needs four numbers"),
         ('<rect x="40" width="9" height="9"/>', "outside the page"),
         ("", "no filled outline"),
         ('<path d="M 0 0 L 5"/>', "cut off or wrong; save it again as plain SVG"),

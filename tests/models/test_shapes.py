@@ -87,7 +87,20 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
     assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("Metadata/model_settings.config", '<part id="1" subtype="modifier_part"/>')
-    assert "a modifier_part of a slicer" in refusal(path)
+    assert "a modifier_part beside the solid" in refusal(path)
+    plain = wrapped % (namespaces, objects[0], b'<item objectid="1"/>')
+    for name, content, expected in (
+        ("3D/3dmodel.model", plain.replace(b"</mesh>", b"<b:beamlattice/></mesh>"), "a beamlattice"),
+        ("3D/3dmodel.model", plain.replace(b"<object ", b'<object type="support" '), "a support"),
+        ("3D/none", plain, "no 3D/3dmodel.model"),
+        ("3D/main.model", plain, None),
+    ):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(name, content)
+        if expected is None:
+            assert models.shape(path).area == pytest.approx(200, rel=1e-4)
+        else:
+            assert expected in refusal(path)
 
 
 def test_normals_that_are_no_numbers_do_no_harm(tmp_path, caplog):
@@ -289,6 +302,8 @@ def glb(tree):
         ({"nodes": [{"mesh": 0}] * 100_000}, "faces; the most"),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, "not watertight"),
         ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]}, "fans of triangles"),
+        ({"nodes": [{"mesh": 0, "skin": 0}]}, "bones or shape keys"),
+        ({"nodes": [{"mesh": 0, "weights": [0.0, 0.5]}]}, "bones or shape keys"),
     ],
 )
 def test_hostile_glb(tmp_path, change, expected):
