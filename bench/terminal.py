@@ -126,7 +126,9 @@ def print_run(run: Run, verbose: bool = False) -> None:
     if how:
         console.print(how)
     task = f"task {run.task}; " if run.task and not run.in_space else ""
-    trials = counted(run.config["trials"], "trial") + ("" if run.in_space else " each")
+    trials = counted(run.config["trials"], "trial") + (
+        "" if run.in_space or len(run.letters) == 1 else " each"
+    )
     known = run.plan.scan.where("train").letters if run.plan and not run.in_space else ()
     among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
     console.print(f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}")
@@ -301,11 +303,11 @@ def _refused(run: Run) -> str:
     """Say how often letters that it never learned were taken for none of those it knows, and those that it knows."""
     known, unknown = run.summary["refused_known"][-1], run.summary["refused_unknown"][-1]
     return (
-        f"taken for none of the known letters at reading {run.readings}: {unknown:.1%} of the "
+        f"taken for none of the known letters at reading {run.readings}: {unknown:.0%} of the "
         + (
             "trials, in each of which the letter itself is not known"
             if known is None
-            else f"trials of {', '.join(run.config['hold_out'])}, {known:.1%} of the others"
+            else f"trials of {', '.join(run.config['hold_out'])}, {known:.0%} of the others"
         )
         + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
     )

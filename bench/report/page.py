@@ -244,7 +244,11 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
 def _outline(of: Replayed, label: str, arrays: Arrays) -> dict[str, Any]:
     drawn = drawing(label, of.scan, of.entry.run.shape_files)
     contours = map_outline(label, of.maps) if drawn is None else drawn
-    return {"contours": [arrays.add(contour, "f4") for contour in contours], "drawn": drawn is not None}
+    return {
+        "contours": [arrays.add(contour, "f4") for contour in contours],
+        "radius": _short(max((float(np.hypot(*contour.T).max()) for contour in contours), default=0.0)),
+        "drawn": drawn is not None,
+    }
 
 
 def _maps(replayed: Sequence[Replayed], arrays: Arrays) -> list[dict[str, Any]]:

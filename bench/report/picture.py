@@ -201,8 +201,8 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
     task = "" if group.task == "defaults" else f"{group.task}; "
     caption = f"{task}{letters} letters, {trials} of {scans}, {group.protocol}. {text}"
     figure.supxlabel(
-        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 150)),
-        fontsize=6.5,
+        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 140)),
+        fontsize=7,
         color="#444444",
     )
 

@@ -170,8 +170,10 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
     columns = min(len(maps), 6)
     rows = -(-len(maps) // columns)
     # Inches: a map and the space to the next, then the margins, as in `readings_figure`.
-    side, across, down = 1.6, 0.4, 0.5
-    left, right, bottom, top = 0.4, 1.0, 0.55, 0.35
+    titles = [textwrap.fill(label, 20) for label in maps]  # as wide as a map
+    more = 0.17 * max(title.count("\n") for title in titles)
+    side, across, down = 1.6, 0.4, 0.5 + more
+    left, right, bottom, top = 0.4, 1.0, 0.55, 0.35 + more
     width = left + columns * (side + across) - across + right
     height = bottom + rows * (side + down) - down + top
     figure = Picture(figsize=(width, height))
@@ -183,13 +185,12 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
     alike = len({tuple(m.extent) for m in maps.values()}) == 1
     limit = max(float(np.abs(m.log_odds).max()) for m in maps.values())
     image = None
-    for number, (label, m) in enumerate(maps.items()):
-        axes = grid[number]
+    for number, (axes, title, m) in enumerate(zip(grid, titles, maps.values(), strict=False)):
         image = axes.imshow(
             m.log_odds, origin="lower", extent=m.extent, cmap="RdBu_r", vmin=-limit, vmax=limit,
             interpolation="nearest",
         )  # fmt: skip
-        axes.set_title(label, fontsize=10, parse_math=False, y=1)
+        axes.set_title(title, fontsize=10, parse_math=False, y=1)
         axes.tick_params(labelsize=7)
         if alike and number % columns:  # the first of the row says it
             axes.set_yticks([])

@@ -128,18 +128,19 @@ class Pooled:
     @property
     def counts(self) -> FloatArray:
         """Give how often each bootstrap draw has each trial, (draws, n)."""
-        return _counts_of(tuple(len(run.trials.truth) for run in self.runs))
+        return _counts_of(self._sizes)
+
+    @property
+    def _sizes(self) -> tuple[int, ...]:
+        return tuple(len(run.trials.truth) for run in self.runs)
 
     def mean(self, values: ArrayLike, of: ArrayLike | None = None) -> Figure:
         """Average values (n,) of the trials, of those only that `of` (n,) marks; None if one is NaN: not known."""
-        values = np.asarray(values, dtype=float)
-        marked = np.ones(len(values)) if of is None else np.asarray(of, dtype=float)
-        if not marked.any() or np.isnan(values[marked > 0]).any():
-            return Figure(None, None, None)
-        number = self.counts @ marked
-        drawn = (self.counts @ (values * marked))[number > 0] / number[number > 0]
-        low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-        return Figure(float((values * marked).sum() / marked.sum()), float(low), float(high))
+        return mean(values, self._sizes, of)
+
+    def share(self, holds: ArrayLike, of: ArrayLike | None = None) -> Figure:
+        """Give the share of the trials in which something `holds` (n,), of those only that `of` (n,) marks."""
+        return share(holds, self._sizes, of)
 
     def ratio(self, above: ArrayLike, below: ArrayLike) -> Figure:
         """Divide the sum of `above` (n,) over the trials by that of `below` (n,)."""
@@ -171,6 +172,34 @@ class Pooled:
             min(known) if known else None,
             max(known) if len(known) == len(each) else None,
         )
+
+
+def mean(values: ArrayLike, sizes: tuple[int, ...], of: ArrayLike | None = None) -> Figure:
+    """Average values (n,) of the trials of runs of these sizes, one run after the other; see `Pooled.mean`."""
+    values = np.asarray(values, dtype=float)
+    marked = np.ones(len(values)) if of is None else np.asarray(of, dtype=float)
+    if not marked.any() or np.isnan(values[marked > 0]).any():
+        return Figure(None, None, None)
+    counts = _counts_of(sizes)
+    number = counts @ marked
+    drawn = (counts @ (values * marked))[number > 0] / number[number > 0]
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Figure(float((values * marked).sum() / marked.sum()), float(low), float(high))
+
+
+def share(holds: ArrayLike, sizes: tuple[int, ...], of: ArrayLike | None = None) -> Figure:
+    """Give the share as `mean` does; its interval is never narrower than Wilson's, which is that of a single run.
+
+    Where something holds in all trials, it does in all draws of the bootstrap, which says nothing of the next trial.
+    """
+    found = mean(holds, sizes, of)
+    if found.value is None or found.low is None or found.high is None:
+        return found
+    number = int(np.size(holds) if of is None else np.count_nonzero(of))
+    low, high = map(float, wilson(found.value * number, number))
+    if len(sizes) > 1:
+        low, high = min(low, found.low), max(high, found.high)
+    return Figure(found.value, low, high)
 
 
 def resampled(sizes: Sequence[int], rng: np.random.Generator, draws: int = DRAWS) -> FloatArray:
@@ -314,18 +343,7 @@ def figure_of(one: Pooled, figure: str) -> Figure:
 
 
 def _right(one: Pooled, k: int) -> Figure:
-    """Give the share that is right; its interval is never narrower than Wilson's, which is that of a run.
-
-    Where all trials are right, all draws of the bootstrap are too, which says nothing of the next trial.
-    """
-    right = one.trials.right[:, k]
-    low, high = map(float, wilson(right.sum(), len(right)))
-    if len(one.runs) > 1:
-        drawn = one.mean(right)
-        assert drawn.low is not None
-        assert drawn.high is not None
-        low, high = min(low, drawn.low), max(high, drawn.high)
-    return Figure(float(right.mean()), low, high)
+    return one.share(one.trials.right[:, k])
 
 
 def _error(one: Pooled, k: int) -> Figure:
@@ -355,8 +373,8 @@ def _efficiency(one: Pooled, k: int) -> Figure:
     return one.ratio(one.errors[:, k] * chosen, one.bounds[:, k] * chosen)
 
 
-def _coverage(one: Pooled, k: int, share: float) -> Figure:
-    return one.mean(one.trials.credibility[:, k] < share, of=one.trials.sure[:, k])
+def _coverage(one: Pooled, k: int, level: float) -> Figure:
+    return one.share(one.trials.credibility[:, k] < level, of=one.trials.sure[:, k])
 
 
 def _sharpness(one: Pooled, k: int) -> Figure:
@@ -374,8 +392,8 @@ CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
     "coverage_90": lambda one, k: _coverage(one, k, 0.9),
     "sharpness": _sharpness,
     "calibration_gap": lambda one, k: one.mean(one.trials.p_label[:, k] - one.trials.right[:, k]),
-    "refused_unknown": lambda one, k: one.mean(one.trials.right[:, k], of=~one.trials.known),
-    "refused_known": lambda one, k: one.mean(one.trials.label[:, k] == "none", of=one.trials.known),
+    "refused_unknown": lambda one, k: one.share(one.trials.right[:, k], of=~one.trials.known),
+    "refused_known": lambda one, k: one.share(one.trials.label[:, k] == "none", of=one.trials.known),
 }
 READINGS: dict[str, Callable[[Pooled], Figure]] = {
     "settled_95": lambda one: one.settled(0.95),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tactsim.bench.results import Run
-from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture, over_readings
+from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture, over_readings, plain_log
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.space.surface import Surface
@@ -36,9 +36,9 @@ def touches_figure(run: Run) -> Picture:
         if name in _AIMS:
             median = name.replace("_", "_median_")
             axes.plot(number, curve(median), color=GREY, lw=1, ls="--", label="median")
-            axes.axhline(_AIMS[name], color=GREY, lw=0.8, ls=":")
+            axes.axhline(_AIMS[name], color=GREY, lw=0.8, ls=":", label="wanted")
             axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            plain_log(axes.yaxis)
             axes.legend(frameon=False)
         over_readings(axes, run.readings)
         axes.set(xlabel="touches", ylabel=words)

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from tactsim.bench.runs.pooled import resampled
+from tactsim.bench.runs.pooled import Figure, mean, share
 from tactsim.bench.tasks import task as read_task
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
@@ -62,12 +62,6 @@ class Played:
         right = self.right[np.arange(len(touches)), touches - 1]
         return np.where(right, reward.right, -reward.wrong) - reward.touch_cost * touches
 
-    def interval(self, values: FloatArray) -> tuple[float, float, float]:
-        """Average values (n,) of the episodes, with a 95 % interval by a bootstrap over scans and episodes."""
-        counts = resampled(self.sizes, np.random.default_rng(0))
-        low, high = np.quantile(counts @ values / counts.sum(axis=1), (0.025, 0.975))
-        return float(values.mean()), float(low), float(high)
-
 
 def play(policy: Policy, task: str, scan_seeds: Sequence[int], episodes: int, touches: int) -> Played:
     """Let a policy touch `touches` times in each of `episodes` episodes a scan seed, after it learned there.
@@ -111,13 +105,16 @@ def table(played: Sequence[Played]) -> Iterator[str]:
     yield "| " + " | ".join([*heads, "ms a choice", "s to learn"]) + " |"
     yield "|---" * (len(heads) + 2) + "|"
     for one in played:
-        values = [one.interval(one.right[:, k - 1].astype(float)) for k in shown]
-        cells = ["{:.2f} ({:.2f}-{:.2f})".format(*value) for value in values]
-        cells.append("{:.1f} ({:.1f}-{:.1f})".format(*one.interval(one.stopped.astype(float))))
-        cells.append("{:.2f} ({:.2f}-{:.2f})".format(*one.interval(one.returns(Reward()))))
+        cells = [_cell(share(one.right[:, k - 1], one.sizes), 2) for k in shown]
+        cells.append(_cell(mean(one.stopped, one.sizes), 1))
+        cells.append(_cell(mean(one.returns(Reward()), one.sizes), 2))
         learning = f"{one.learning:.0f}" if one.learning > 0.5 else "-"
         cells += [f"{1e3 * one.choosing:.1f}", learning]
         yield "| " + " | ".join([one.policy.name, one.policy.belief, *cells]) + " |"
+
+
+def _cell(figure: Figure, digits: int) -> str:
+    return f"{figure.value:.{digits}f} ({figure.low:.{digits}f}-{figure.high:.{digits}f})"
 
 
 def main(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.runs.pooled import Pooled, cell, pool, resampled
+from tactsim.bench.runs.pooled import Pooled, cell, pool, resampled, share
+from tactsim.bench.score import wilson
 from tactsim.core import InputError
 
 
@@ -68,6 +69,13 @@ def test_figures_are_those_of_all_trials():
     assert cell(one, "right@2").startswith("0.750 (")
     none = one.mean(one.trials.right[:, 0], of=np.zeros(4, dtype=bool))
     assert dataclasses.astuple(none) == (None, None, None)
+
+
+def test_the_interval_of_a_share_is_never_narrower_than_wilsons():
+    held = share(np.ones(40), (20, 20), of=np.arange(40) < 30)  # every draw of the bootstrap says 1
+    assert (held.value, held.low, held.high) == (1.0, pytest.approx(float(wilson(30, 30)[0])), 1.0)
+    apart = np.repeat([0.0, 1.0], 20)  # here scans differ more than trials do
+    assert (share(apart, (20, 20)).low, share(apart, (20, 20)).high) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(("spread", "at_least"), [(0.0, 0.95), (0.1, 0.84)])

@@ -1,5 +1,7 @@
 """The report in a real browser: headless Chromium, opened from disk."""
 
+import re
+
 import pytest
 from browser import browser, needs_browser
 
@@ -156,10 +158,37 @@ def test_the_confusion_matrix_follows_its_slider(open_page, path):
     assert seen[0] != seen[1]
 
 
-def test_nothing_scrolls_sideways_on_a_small_screen(open_page, path):
-    page = open_page(path, width=360)
-    assert page.evaluate("document.documentElement.scrollWidth") == 360
-    assert not page.locator("small.about").first.is_visible()
+BOXES = "all => all.map((one) => one.getBoundingClientRect().toJSON())"
+
+
+def inside(box, other, room=1.0):
+    return all(box[side] >= other[side] - room for side in ("left", "top")) and all(
+        box[side] <= other[side] + room for side in ("right", "bottom")
+    )
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_nothing_scrolls_sideways_overlaps_or_is_cut(open_page, path, tmp_path, width):
+    crowd = tmp_path / "crowd.html"  # its runs are equally good, and one hardly faster than the other
+    alike = re.sub(r'"settled": ?(null|\d+)', '"settled":3', path.read_text())
+    crowd.write_text(re.sub(r'"seconds": ?[\d.e-]+(\d)', r'"seconds":0.010\1', alike))
+    page = open_page(crowd, width=width)
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    notes = page.locator("figure:has([aria-label*='readings needed']) .note").evaluate_all(BOXES)
+    assert notes
+    for number, one in enumerate(notes):
+        assert not any(
+            one["left"] < other["right"]
+            and other["left"] < one["right"]
+            and abs(one["top"] - other["top"]) < 8
+            for other in notes[:number]
+        )
+    view = page.locator("section.protocol").last
+    slider = view.get_by_role("slider", name="Reading", exact=True)
+    for _ in range(4):  # first estimates lie far off
+        (scene,), (guess,) = (view.locator(what).evaluate_all(BOXES) for what in ("svg.scene", ".ghost"))
+        assert inside(guess, scene)
+        slider.press("ArrowRight")
 
 
 LIGHTNESS = "Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0])"

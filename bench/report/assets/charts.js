@@ -270,10 +270,17 @@ function scatter(spec) {
           pointerenter: () => choose(i),
         }),
       );
-      if (point.budget && width > 420) {
-        inside.append(s("text", { class: `note m${point.method % COLOURS}`, x: sx(point.x) + 9, y: sy(point.y) - 7 }, point.budget));
-      }
     });
+    // Budgets beside their marks, those of the frontier first; where there is no room, the mark says it when pointed at.
+    const taken = byTime.map((point) => [sx(point.x) - 6, sy(point.y) - 6, 12, 12]);
+    for (const point of [...best, ...byTime.filter((one) => !one.frontier)]) {
+      const wide = 6.5 * (point.budget || "").length, at = [sx(point.x), sy(point.y)];
+      const free = [[9, -7], [9, 14], [-9 - wide, -7], [-9 - wide, 14]].map(([x, y]) => [at[0] + x, at[1] + y]).find(([x, y]) =>
+        x + wide < width && taken.every(([left, top, w, high]) => x + wide + 3 < left || left + w + 3 < x || y < top || top + high < y - 10));
+      if (!wide || !free) continue;
+      taken.push([free[0], free[1] - 10, wide, 10]);
+      inside.append(s("text", { class: `note m${point.method % COLOURS}`, x: free[0], y: free[1] }, point.budget));
+    }
     if (chosen >= 0) {
       const point = byTime[chosen];
       inside.append(s("circle", { class: "halo", cx: sx(point.x), cy: sy(point.y), r: 12 }));

@@ -139,7 +139,10 @@ function recognitionView(protocol) {
     let size = 1;
     for (let i = 0; i < count; i++) size = Math.max(size, Math.abs(sensors[3 * i]), Math.abs(sensors[3 * i + 1]));
     size += Math.hypot(halfX, halfY) + 0.5; // whatever its angle, the pad stays inside
-    for (const contour of outline ? outline.contours : []) for (const value of array(contour)) size = Math.max(size, Math.abs(value) + 1);
+    const most = 4 * size; // an estimate farther off is cut, so that the letter is still seen
+    const drawn = [[outline, [0, 0]], ...trial.estimate.map((label, i) => [outlines[label], row(trial.ghost, i)])];
+    for (const [of, [x, y]] of drawn) if (of) size = Math.max(size, Math.abs(x) + of.radius + 1, Math.abs(y) + of.radius + 1);
+    size = Math.min(size, most);
     scene.setAttribute("viewBox", `${-size} ${-size} ${2 * size} ${2 * size}`);
     scene.setAttribute("aria-label", `The pad on the letter ${trial.truth} at reading ${reading}, with the estimate's outline dashed`);
     const pad = (i, name) => s("rect", { class: name, x: -halfX, y: -halfY, width: 2 * halfX, height: 2 * halfY, transform: poseTransform(row(trial.sensor, i)) });
@@ -154,6 +157,8 @@ function recognitionView(protocol) {
       const [x, y, a, b, turn] = row(trial.region, k);
       parts.push(s("ellipse", { class: "region", rx: a.toFixed(3), ry: b.toFixed(3), transform: poseTransform([x, y, turn]) }));
     }
+    parts.push(s("path", { class: "ruler", d: `M${1 - size} ${size - 1}h10` }),
+      s("text", { class: "ruler-name", x: 1 - size, y: size - 1 - 0.02 * size, "font-size": 0.08 * size }, "10 mm"));
     scene.replaceChildren(...parts);
   }
 
@@ -250,7 +255,7 @@ function recognitionView(protocol) {
           const [x, y] = place(row(trial.pose, k));
           over.append(s("circle", { class: "found", cx: x, cy: y, r: 6 }));
         }
-        return h("figure", { class: "chart small" }, h("figcaption", {}, label), h("div", { class: "stack" }, canvas, over));
+        return h("figure", { class: "chart small" }, h("figcaption", {}, label, h("small", {}, `${plain(right - left)} mm wide`)), h("div", { class: "stack" }, canvas, over));
       }),
     );
   }

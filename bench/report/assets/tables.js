@@ -27,8 +27,8 @@ function headlineTable(task) {
     best: Math.max,
   });
   const columns = [
-    { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label, h("small", { class: "about", title: run.description }, run.description)] },
-    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letters${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
+    { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label] },
+    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letter${run.letters.length > 1 ? "s" : ""}${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
     ...[1, 2, 3, 5, 10].filter((k) => k < last).map(share),
     share(last),
     { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING, best: Math.min },
@@ -55,7 +55,12 @@ function headlineTable(task) {
     })));
   const table = h("table", { class: "wide" }, heads(columns.map((column) => column.heading)), h("tbody", {}, rows));
   sortable(table);
-  return scrolling("Headline figures of every run", table);
+  const options = task.runs.filter((run) => run.description).map((run) => h("p", { class: "hint" }, swatch(run.method), `${run.label}: ${run.description}`));
+  return [
+    scrolling("Headline figures of every run", table),
+    options.length > 0 && h("details", { open: options.length < 4 }, h("summary", {}, "The options"), options,
+      h("p", { class: "hint" }, "Bins are named as they were asked for; where equal steps cannot make as many, there are fewer.")),
+  ];
 }
 
 const MEASURES = {
