@@ -125,7 +125,7 @@ def idle_frames(path: Path | None) -> Any:
             return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
         text = read_text(path, "idle readings", LARGE)
         try:
-            recorded = read_table(text.splitlines()).frames
+            _, recorded, _ = read_table(text.splitlines())
         except CodecError:
             return numbers_of(text)
         return np.array([frame.values for frame in recorded if isinstance(frame, Frame)])

@@ -108,7 +108,7 @@ def _read(file: h5py.File, name: str, left: int) -> tuple[NDArray[Any], int]:
     if not isinstance(file.get(name, getlink=True), h5py.HardLink) or not isinstance(
         file[name], h5py.Dataset
     ):
-        raise InputError(f"it has no dataset {name} of its own")
+        raise InputError(f"it has no dataset {name} of its own; save arrays of yours as .npz or .mat")
     dataset, (kind, axes, *_) = file[name], _DATASETS[name]
     if dataset.dtype.kind != kind or dataset.shape is None or len(dataset.shape) != len(axes):
         raise InputError(f"its {name} holds {dataset.dtype} along {len(dataset.shape or ())} axes")

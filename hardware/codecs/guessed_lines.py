@@ -20,7 +20,7 @@ from tactsim.hardware.framing import Framer
 _BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
-_FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*) *[:=]")  # of a line, as `S0:12`
+_FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*(?: \d+)?) *[:=]")  # of a line, as `S0:12`
 
 
 @dataclass(frozen=True)
@@ -123,12 +123,22 @@ def guess_lines(data: bytes) -> GuessedLines | None:
         if guess is not None:
             guess = replace(guess, checksum=checksum)
             whole = sum(map(bool, fields)) / guess.rows
-            if guess.rows == 1 and len(named) > 1:
-                guesses.append(replace(guess, named=named))
+            first = [row[0] for row in fields if len(row) == guess.columns]
+            parts = named if len(named) > 1 else _in_turn(first)
+            if guess.rows == 1 and parts:
+                guesses.append(replace(guess, named=parts))
             else:
                 guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
     # A comma between two numbers is no decimal one if both make sense.
     return max(guesses, key=lambda guess: (guess.read, guess.columns), default=None)
+
+
+def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:
+    """List the first fields of lines, words or numbers from 0 or 1 on, that come in turn: 0, 1, 2, 0, 1, 2 ..."""
+    names = sorted(set(first))
+    in_turn = 1 < len(names) <= len(first) // 5 and first[len(names) :] == first[: -len(names)]
+    counted = in_turn and (names[0] in (b"0", b"1") or not numbers_in(names[:1]))
+    return tuple(name.decode("utf-8", "replace") for name in names) if counted else ()
 
 
 def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:

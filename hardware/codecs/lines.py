@@ -33,7 +33,7 @@ _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
 _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
 _ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
 _AROUND = bytes.maketrans(b"[](){}<>|$#\"'\0", b" " * 14)  # means nothing here, or no more than a blank
-_NAME = re.compile(rb"(?<![\w.+-])(?:[A-Za-z_]\w* *[:=]|\d+: )")  # of a number, as `S0:12`, or of a row
+_NAME = re.compile(rb"(?<![\w.+-])(?:[A-Za-z_]\w*(?: \d+)? *[:=]|\d+: )")  # of a number, or of a row
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
 _LARGEST_COUNT = float(1 << 53)  # of a clock or a frame counter: up to there every whole number is exact
 _COUNTER = 1 << 32  # an Arduino's unsigned long starts again there

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import chain, islice
 from statistics import mode
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -78,17 +78,10 @@ class CsvCodec(LinesCodec):
         return np.round(values) if self._whole else values
 
 
-class Table(NamedTuple):
-    """A recording that is read line by line. frames: a line that is none as text. remark: on the unit of time."""
+def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | None]:
+    """Read the head of a recording: how many taxels it has, its frames line by line, and a remark on the unit of time.
 
-    taxels: int
-    frames: Iterator[Frame | str]
-    remark: str | None
-
-
-def read_table(texts: Iterable[str]) -> Table:
-    """Read the head of a recording; its frames follow line by line.
-
+    A line that is no frame comes as text.
     What stands before the time is left out. A frame's `seconds` are as the unit in the title says, or as the steps
     tell: below 1 they are s, below 1,000 ms, below 1,000,000 us, else ns; or as a time of day (ISO 8601) does. They
     count from the first frame if the clock counts from midnight or from 1970. Taxels are the numbers behind the time.
@@ -135,7 +128,7 @@ def read_table(texts: Iterable[str]) -> Table:
             else:
                 yield Frame(row[1:], seconds=float(row[0] * tick - begun))
 
-    return Table(width - 1, frames(), remark)
+    return width - 1, frames(), remark
 
 
 def _words(cell: str) -> list[str]:

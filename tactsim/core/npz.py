@@ -29,8 +29,8 @@ class MissingArrayError(InputError):
     """An array that was asked for is not in the file. there: the names of those that are."""
 
     def __init__(self, name: str, there: Iterable[str]) -> None:
-        super().__init__(f"it has no array {name!r}")
         self.name, self.there = name, frozenset(there)
+        super().__init__(f"it has no array {name!r}; it has {', '.join(map(repr, sorted(self.there)))}")
 
     def __reduce__(self) -> tuple[type[MissingArrayError], tuple[str, frozenset[str]]]:
         """Let it be sent to another process."""

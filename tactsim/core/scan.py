@@ -212,6 +212,8 @@ class Scan:
 
         pad = Pad() if pad is None else pad
         values = readings_a_press(readings, pad)
+        if np.shape(poses) != (len(values), 3):
+            raise InputError(f"poses are {np.shape(poses)}; give ({len(values)}, 3): x mm, y mm, theta rad")
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}

@@ -70,6 +70,7 @@ def test_is_not_taken_for_readings_of_letters_though_it_is_damaged(scan: SpaceSc
 def test_letters_without_their_taxels_are_not_taken_for_objects_in_space(tmp_path: Path) -> None:
     np.savez(tmp_path / "taxel_xy.npz", readings=np.zeros((1, 1)))  # its name tells nothing
     with pytest.raises(
-        InputError, match=r"taxel_xy\.npz: it has no array 'poses'; make one with `bench scan"
+        InputError,
+        match=r"taxel_xy\.npz: it has no array 'poses'; it has 'readings'; make one with `bench scan",
     ):
         Scan.load(tmp_path / "taxel_xy.npz")

@@ -30,6 +30,7 @@ FORMS = {
     "semicolons": lambda v, t: "; ".join(map(str, v)) + "\r\n",
     "names": lambda v, t: ",".join(f"S{k}:{x}" for k, x in enumerate(v)) + "\r\n",
     "names and blanks": lambda v, t: "\t".join(f"taxel_{k} = {x}" for k, x in enumerate(v)) + "\r\n",
+    "names of two words": lambda v, t: "\t".join(f"Sensor {k}: {x}" for k, x in enumerate(v)) + "\r\n",
     "brackets": lambda v, t: "[" + ", ".join(map(str, v)) + "]\r\n",
     "dollar": lambda v, t: "$" + ",".join(map(str, v)) + "\r\n",
     "hash": lambda v, t: "# " + ",".join(map(str, v)) + "\r\n",
@@ -134,6 +135,9 @@ def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
         lambda v: "".join(f">S{k}:{x}\n" for k, x in enumerate(v)),
         lambda v: f"R0: {v[0]} {v[1]}\nR1: {v[2]} {v[3]}\n",
         lambda v: f"[[{v[0]} {v[1]}]\n [{v[2]} {v[3]}]]\n",
+        lambda v: f"R0 {v[0]} {v[1]}\nR1 {v[2]} {v[3]}\n",
+        lambda v: f"0,{v[0]},{v[1]}\n1,{v[2]},{v[3]}\n",
+        lambda v: "".join(f"Sensor {k}: {x}\n" for k, x in enumerate(v)),
     ],
 )
 def test_parts_of_frames_with_nothing_between_two_frames_are_refused(form):

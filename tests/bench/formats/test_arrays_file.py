@@ -62,6 +62,7 @@ def test_matlab_s_ways_of_saving_are_read(tmp_path):
         ({"labels": np.array(["A", "B", "A", "B"], dtype=object)}, "labels.astype(str)"),
         ({"labels": np.array(["A", "none", "A", "none"])}, "a letter is called 'none'"),
         ({"poses": POSES * 30}, "poses turn by 330.0 rad; are these degrees?"),
+        ({"poses": np.tile(np.eye(4), (4, 1, 1))}, "poses are (4, 4, 4); give (4, 3): x mm, y mm, theta rad"),
         ({"readings": READINGS[:0], "poses": POSES[:0], "labels": [""][:0], "split": [""][:0]}, "no presses"),
     ],
 )  # fmt: skip
@@ -92,7 +93,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
     [
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
-        (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'"),
+        (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'labels', 'poses', "),
         (["b.h5", *WORDS], "says its pad and unit itself"),
     ],
 )
