@@ -49,7 +49,7 @@ _UNITS = {
 _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
 _TEXT = ("text", "tspan", "textPath", "a")
 _FOREIGN = {"image": "a picture", "foreignObject": "foreign content"} | dict.fromkeys(_TEXT, "text")
-_DRAWN = {*_SHAPES, *_FOREIGN, "g", "switch", "svg", "use"}
+_DRAWN = {f"{SVG}{tag}" for tag in (*_SHAPES, *_FOREIGN, "g", "switch", "svg", "use")}
 _HIDDEN = ("hidden", "collapse")
 # What svg.path, tinycss2 and the arithmetic raise on outlines, styles and lengths that are cut off or wrong.
 _DAMAGED = (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
@@ -194,6 +194,8 @@ class _Reader:
             if tag == "use":
                 x, y = (_length(declared, key, here.view, index) for index, key in enumerate(("x", "y")))
                 here = replace(here, matrix=_joined(here.matrix, np.array([[1.0, 0, x], [0, 1.0, y]])))
+            elif tag in ("svg", "symbol") and element is not self.root:
+                here = self._viewport(declared, here)  # in whose frame its clip path and mask are
             for key in ("filter", "translate", "rotate", "scale"):
                 if style[key] != "none" and url_in(style[key])[0] in {None, *self.named}:
                     here = replace(here, hazard=f"a {key}")
@@ -209,8 +211,6 @@ class _Reader:
             else:
                 if tag in _FOREIGN:
                     self._refuse_foreign(element, tag, here)
-                elif tag in ("svg", "symbol") and element is not self.root:
-                    here = self._viewport(declared, here)
                 stack += [(child, here) for child in reversed(element)]
 
     def _fill(self, element: Element, here: _Context) -> Iterator[_Fill]:
@@ -561,7 +561,7 @@ def _is_shown(element: Element) -> bool:
     """Tell whether an element may be drawn, in English and without extensions; not a comment, nor an editor's notes."""
     languages = element.get("systemLanguage", "en").lower().split(",")
     return (
-        element.tag.removeprefix(SVG) in _DRAWN
+        element.tag in _DRAWN
         and not element.get("requiredExtensions")
         and any(language.strip().split("-")[0] == "en" for language in languages)
     )

@@ -149,6 +149,8 @@ SEEN = [
     ('<svg width="50%" height="50%" viewBox="0 0 30 30" overflow="visible"><path d="M4 2h6v18h10v6h-16z"/></svg>', 51),
     (f'<clipPath id="c"><rect width="7" height="30"/></clipPath><symbol id="s" clip-path="url(#c)">{L}</symbol><use '
      'href="#s"/>', 72),
+    ('<clipPath id="c"><rect width="4" height="30"/></clipPath><svg x="2" width="20" height="20" viewBox="0 0 10 10" '
+     'clip-path="url(#c)"><rect width="10" height="10"/></svg>', 160),
     # masks that show and hide: as Figma, Sketch and Illustrator write them, and by hand
     ('<mask id="m" style="mask-type:alpha" maskUnits="userSpaceOnUse" x="0" y="0" width="15" height="30"><rect '
      f'fill="#D9D9D9" {RECT}/></mask><g mask="url(#m)">{L}</g>', 174),
@@ -170,7 +172,7 @@ SEEN = [
     (f'<a href="#x">{L}</a><script>1</script><view id="v"/><metadata/><g style="display:none"><text>A</text></g>', 204),
     (f'<switch><foreignObject requiredExtensions="x"/><g>{L}</g><rect {RECT}/></switch>', 204),
     (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text><tspan/></text><image/>', 204),
-    (f'{L}<rect x="40" y="40" width="5" height="5"/>', 204),
+    (f'{L}<rect x="40" y="40" width="5" height="5"/><rect xmlns="" {RECT}/>', 204),
     ('<rect width="30" height="30"/>', 900),
 ]  # fmt: skip
 
