@@ -16,7 +16,7 @@ from tactsim.hardware.port import Port, wait_any
 from tactsim.hardware.stream import Stream
 
 _FIRST_RETRY, _LAST_RETRY = 0.1, 0.5  # s between attempts to open a lost port; each is twice the last
-_REMEMBERED = 256  # bytes, to say what came if it is no frame
+_REMEMBERED = 4096  # bytes, to say what came if it is no frame
 _NAP = 0.05  # s after which links are looked at again: questions that are overdue, ports to reopen
 
 
@@ -227,10 +227,11 @@ class LiveSource(Source):
                 f"{since['bytes']:,} bytes of text came and no whole frame of {self.device.name!r} in them; "
                 "`bench probe` shows them, and which lines they are"
             )
-        return (
-            f"{since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them. Wrong baud rate "
-            f"({self.device.baud}), or another device; `bench probe` shows the bytes"
-        )
+        mark, why = self.device.build_codec().mark, f"Wrong baud rate ({self.device.baud}), or another device"
+        if len(mark) > 1 and self._last_bytes.count(mark) > 2:
+            why = f"{mark.hex(' ')} comes, and not what is stated to follow it: length, taxels, checksum"
+        came = f"{since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them"
+        return f"{came}. {why}; `bench probe` shows the bytes"
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:

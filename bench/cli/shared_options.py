@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from tactsim.core.errors import InputError, short
-
-
-def finite_number(text: str) -> float | None:
-    """Read a finite number; None if `text` is not one."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
+from tactsim.core.finite import finite_number as finite_number
 
 
 def number(help: str, *, least: float | None = None, most: float | None = None, **words: Any) -> Any:

@@ -14,7 +14,7 @@ from tactsim.core import InputError, Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
-from tactsim.core.finite import LARGEST
+from tactsim.core.finite import finite_number
 from tactsim.hardware.scans import PlacedPress, named_rows
 
 TABLES = (".csv", ".tsv", ".txt")
@@ -49,15 +49,16 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
         if not taxels:
-            taxels = _taxel_columns({name: word for name, word in words.items() if name not in _NO_TAXELS})
+            others = {name: word for name, word in words.items() if name not in _NO_TAXELS}
+            taxels = _taxel_columns(others, where)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
                     f"{pad.taxels}; call them t0 to t{pad.taxels - 1}"
                 )
-        readings.append([_number(words.get(name, "")) for name in taxels])
-        if np.isnan(readings[-1]).any():
-            name = taxels[int(np.isnan(readings[-1]).argmax())]
+        readings.append([finite_number(words.get(name, "")) for name in taxels])
+        if None in readings[-1]:
+            name = taxels[readings[-1].index(None)]
             raise InputError(f"{where}: {name}: give a finite number, got {short(words.get(name, ''))}")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
@@ -73,17 +74,15 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
     )
 
 
-def _taxel_columns(words: dict[str, str]) -> list[str]:
-    """Choose the columns of taxels, in the order of the taxels."""
+def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
+    """Choose the columns of taxels, in the order of the taxels. Raises InputError where their numbers do not rise."""
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
-    return [name for name, word in words.items() if not math.isnan(_number(word))]
-
-
-def _number(word: str) -> float:
-    """Read a taxel's cell; NaN if it is no finite number."""
-    try:
-        number = float(word)
-    except ValueError:
-        return math.nan
-    return number if abs(number) <= LARGEST else math.nan
+    names = [name for name, word in words.items() if finite_number(word) is not None]
+    parts = [re.split(r"(\d*)$", name) for name in names]
+    numbers = [int(part[1] or -1) for part in parts]
+    if len({part[0] for part in parts}) == 1 and numbers != sorted(numbers):
+        raise InputError(
+            f"{where}: columns {', '.join(names[:4])} ... are in no order; call the taxels t0, t1 ..."
+        )
+    return names

@@ -69,7 +69,7 @@ class Codec(ABC, Generic[Packet]):
     one moment. clock_common: whether all devices on a link tell the time of one clock. packets: in how many
     packets a frame comes. start: bytes that make the device speak, sent once; request: bytes that ask for one
     frame; request_every_s: s from one request to the next, at least. title: what the device says before its
-    first frame.
+    first frame. mark: bytes that every frame begins or ends with.
     """
 
     taxels: int
@@ -86,6 +86,7 @@ class Codec(ABC, Generic[Packet]):
     request: bytes = b""
     request_every_s: float = 0.0
     title: bytes = b""
+    mark: bytes = b""
 
     @abstractmethod
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Packet | None]:

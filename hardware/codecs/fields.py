@@ -105,20 +105,20 @@ class FieldsCodec(CountsCodec):
         self.size = sum(map(size_of, form.layout))
         header, footer = (only(form.layout, Fixed, name) for name in ("header", "footer"))
         # What is looked for: a frame's beginning, or the end of the frame before.
-        self._mark = header.bytes if header else footer.bytes if footer else b""
-        self.before = 0 if header else len(self._mark) if footer else self.size
+        self.mark = header.bytes if header else footer.bytes if footer else b""
+        self.before = 0 if header else len(self.mark) if footer else self.size
         unchecked = self._checksum is None
-        self._lone = unchecked or (len(self._mark) > 1 and self._checksum_size == 1)
+        self._lone = unchecked or (len(self.mark) > 1 and self._checksum_size == 1)
         self._open_ended = header is not None and footer is None and unchecked
         self._followed = self._open_ended and self.speaks
         # Bytes that show a frame, and those that show whether a mark within it is part of the data.
-        self._shown = self.before + self.size + (len(self._mark) if self._followed else 0)
-        steady = (_STEADY + 1) * self.size + len(self._mark)
-        self.longest = steady if self._lone and self._mark else self._shown
+        self._shown = self.before + self.size + (len(self.mark) if self._followed else 0)
+        steady = (_STEADY + 1) * self.size + len(self.mark)
+        self.longest = steady if self._lone and self.mark else self._shown
 
     def decode(self, buffer: bytes | bytearray, start: int = 0) -> tuple[int, Frame | None]:
         """Look for a frame at `start`; see `Codec.decode`."""
-        have, mark = len(buffer) - start, self._mark
+        have, mark = len(buffer) - start, self.mark
         if mark:
             at = buffer.find(mark, start)
             if at < 0:
@@ -176,7 +176,7 @@ class FieldsCodec(CountsCodec):
 
     def fails_checksum(self, buffer: bytes | bytearray, start: int) -> bool:
         """Tell whether marks, lengths and fixed bytes of a frame agree at `start`, and the checksum does not."""
-        if not self._mark or not buffer.startswith(self._mark, start):
+        if not self.mark or not buffer.startswith(self.mark, start):
             return False
         first = start + self.before
         frame = bytes(buffer[first : first + self.size])
@@ -186,16 +186,16 @@ class FieldsCodec(CountsCodec):
         """Find a mark behind that at `start` which is not the next frame's: returns how far, 0 if there is none."""
         # The next mark is due where the frame ends: a header behind it, or the footer that is its last bytes.
         due = start + self.size
-        at = buffer.find(self._mark, start + 1, due + len(self._mark) - 1)
+        at = buffer.find(self.mark, start + 1, due + len(self.mark) - 1)
         return at - start if at >= 0 else 0
 
     def _is_steady(self, buffer: bytes | bytearray, start: int, inner: int) -> bool | None:
         """Tell whether a frame's mark and that `inner` bytes behind it come again; None if more bytes must tell."""
         for frame in range(1, _STEADY + 1):
             for at in (start + frame * self.size, start + frame * self.size + inner):
-                if len(buffer) < at + len(self._mark):
+                if len(buffer) < at + len(self.mark):
                     return None
-                if not buffer.startswith(self._mark, at):
+                if not buffer.startswith(self.mark, at):
                     return False
         return True
 
