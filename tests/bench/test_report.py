@@ -485,4 +485,5 @@ def test_a_letter_held_out_is_right_when_it_is_refused(open_set_run):
 def test_many_methods_all_look_different_and_alike_on_page_and_picture():
     assert len(set(map(look, range(128)))) == 128
     style = (files("tactsim.bench") / "report" / "assets" / "page.css").read_text()
-    assert tuple(re.findall(r"--m\d+: (#\w+);", style)) == COLOURS + DARK_COLOURS + DARK_COLOURS
+    pairs = re.findall(r"--m\d+: light-dark\((#\w+), (#\w+)\);", style)
+    assert pairs == list(zip(COLOURS, DARK_COLOURS, strict=True))

@@ -194,13 +194,21 @@ def test_nothing_scrolls_sideways_overlaps_or_is_cut(open_page, path, tmp_path, 
 LIGHTNESS = "Number(getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0])"
 
 
-def test_the_theme_is_the_systems_until_one_is_chosen(open_page, path):
+def test_the_theme_is_the_systems_until_one_is_chosen_and_paper_is_light(open_page, path):
     page = open_page(path, scheme="dark")
     assert page.evaluate(LIGHTNESS) < 60
     dark_map = page.evaluate("document.querySelector('.maps canvas').toDataURL()")
     page.get_by_label("Theme").select_option("light")
     assert page.evaluate(LIGHTNESS) > 200
-    assert page.evaluate("document.querySelector('.maps canvas').toDataURL()") != dark_map
+    light_map = page.evaluate("document.querySelector('.maps canvas').toDataURL()")
+    assert light_map != dark_map
+    page.get_by_label("Theme").select_option("dark")
+    assert page.evaluate("document.querySelector('.maps canvas').toDataURL()") == dark_map
+    page.emulate_media(media="print")
+    page.wait_for_function(
+        "(light) => document.querySelector('.maps canvas').toDataURL() === light", arg=light_map
+    )
+    assert page.evaluate("Number(getComputedStyle(document.body).color.match(/\\d+/)[0])") < 60
 
 
 NAMELESS = """() => {

@@ -56,16 +56,16 @@ function plain(value) {
 
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
-// Light or dark, and who must draw again when it changes: canvases and computed fills.
-const systemDark = window.matchMedia("(prefers-color-scheme: dark)");
+// Light or dark, paper always light, and who must draw again when it changes: canvases and computed fills.
+const systemDark = window.matchMedia("(prefers-color-scheme: dark)"), onPaper = window.matchMedia("print");
 const redraws = [];
 const isDark = () => {
   const chosen = document.documentElement.dataset.theme;
-  return chosen ? chosen === "dark" : systemDark.matches;
+  return !onPaper.matches && (chosen ? chosen === "dark" : systemDark.matches);
 };
 const onTheme = (redraw) => redraws.push(redraw);
 const themeChanged = () => redraws.forEach((redraw) => redraw());
-systemDark.addEventListener("change", themeChanged);
+for (const query of [systemDark, onPaper]) query.addEventListener("change", themeChanged);
 
 // Colour ramps from 0 to 1, and from -1 to 1 for maps; stops are [r, g, b].
 const RAMPS = {

@@ -96,8 +96,7 @@ function drawPicture(event, live) {
   picture.style.height = `${height}px`;
   const context = picture.getContext("2d");
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const style = getComputedStyle(document.body);
-  const soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
+  const { color: soft } = getComputedStyle(find("readout")), { borderTopColor: line } = getComputedStyle(picture.closest(".block"));
   context.textAlign = "center";
   context.textBaseline = "middle";
   const values = live && event ? event.pressures : null;
