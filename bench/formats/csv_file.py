@@ -49,8 +49,7 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
         if not taxels:
-            others = {name: word for name, word in words.items() if name not in _NO_TAXELS}
-            taxels = _taxel_columns(others, where)
+            taxels = _taxel_columns(words, where)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
@@ -78,7 +77,7 @@ def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
     """Choose the columns of taxels, in the order of the taxels. Raises InputError where their numbers do not rise."""
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
-    names = [name for name, word in words.items() if finite_number(word) is not None]
+    names = [name for name in words if name not in _NO_TAXELS and finite_number(words[name]) is not None]
     parts = [re.split(r"(\d*)$", name) for name in names]
     numbers = [int(part[1] or -1) for part in parts]
     if len({part[0] for part in parts}) == 1 and numbers != sorted(numbers):

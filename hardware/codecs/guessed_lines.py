@@ -28,7 +28,7 @@ class GuessedLines:
     """Lines of numbers.
 
     columns: fields in a frame. rows: lines in a frame, with a line of another kind between frames; 1 if every line is
-    one. before: what the first fields are, one or two: "skip" for what is never a number, "clock" for one that rises
+    one. before: what the first fields are: "skip" for what is never a number, "clock" for one that rises
     steadily, "index" where it rises by 1. tick_s: s, the clock's unit by its steps. decimal: the decimal point. odd: a
     field that is no number where others are, such as "ovf"; "" if there is none. named: the names of lines that are
     parts of a frame, with nothing between two frames. checksum: the kind behind a "*"; "" if there is none. read:
@@ -173,10 +173,11 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     known = np.array([[numbers_in([field]) is not None for field in row] for row in alike])
     if 2 * count < sum(usual.values()) or 2 * known.sum() <= known.size:
         return None
-    skipped = columns > 1 and not known[:, 0].any() and not any(row[0].lower() in _NO_VALUE for row in alike)
+    valued = np.array([[field.lower() in _NO_VALUE for field in row] for row in alike]) | known
+    skipped = min(int(valued.any(axis=0).argmax()), 15)  # a device file names 16 at most
     odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
-    before, tick_s = ["skip"] if skipped else [], 1e-3
-    while len(before) < min(columns - 1, 2):
+    before, tick_s = ["skip"] * skipped, 1e-3
+    while len(before) < min(columns - 1, max(skipped + 1, 2)):
         steps = np.diff([(numbers_in([row[len(before)]]) or [np.nan])[0] for row in alike])
         kind = "index" if (steps == 1).all() else "clock"
         if kind in before or len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():

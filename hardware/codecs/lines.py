@@ -213,8 +213,8 @@ def split_line(line: bytes, decimal: str = ".") -> list[bytes]:
     separator = next((mark for mark in (b",", b";") if mark in line), None)
     fields = [field.strip() for field in line.split(separator)]
     words = fields[0].split() if separator else []
-    if not numbers_in(words) and numbers_in(words[-1:]):
-        fields[0] = words[-1]  # behind a time or a word, as in `[12:00:01] 12,34`
+    if numbers_in(words[-1:]):  # behind a number, as in `20 12,34`, or a time, as in `[12:00:01] 12,34`
+        fields[:1] = words if numbers_in(words) else words[-1:]
     return fields
 
 
