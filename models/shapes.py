@@ -88,7 +88,12 @@ def _shape_of_mesh(name: str, content: bytes, kind: str, height: float | None, r
         raise InputError(
             f"the mesh is {top - bottom:.4g} mm thick along z, the most is {LARGEST_HEIGHT:g} ({UNITS})"
         )
-    _check_area(solid.project().area())
+    outline = solid.project().area()
+    _check_area(outline)
+    if solid.volume() > (1 + UPRIGHT) * outline * (top - bottom):
+        raise InputError(
+            "the mesh cuts through itself: it has more volume than its outline raised; repair it, as in Blender"
+        )
     if Relief.of(solid).flat_depth == math.inf:
         face = solid.slice(top - FLATNESS)
         if abs(face.area() * (top - bottom) - solid.volume()) <= UPRIGHT * solid.volume():

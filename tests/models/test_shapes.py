@@ -162,6 +162,22 @@ def test_an_open_mesh_says_how_many_edges_are_open(tmp_path):
     assert "not watertight: 3 of" in refusal(write_mesh(tmp_path, mesh))
 
 
+def test_a_body_that_overlaps_itself(tmp_path):
+    """A band of more than one turn, as a sweep makes it: its volume counts the overlap twice."""
+    turn = np.linspace(0, 2.5 * np.pi, 11)
+    section = np.array([(6, 0), (10, 0), (10, 4), (6, 4)])
+    x, z = (1 + 0.01 * turn[:, None]) * section[:, 0], np.tile(section[:, 1], (11, 1))
+    corners = np.stack([x * np.cos(turn[:, None]), x * np.sin(turn[:, None]), z], axis=-1).reshape(-1, 3)
+    sides = [
+        [4 * i + j, 4 * i + (j + 1) % 4, 4 * i + 4 + (j + 1) % 4, 4 * i + 4 + j]
+        for i in range(10)
+        for j in range(4)
+    ]
+    faces = trimesh.geometry.triangulate_quads([*sides, [3, 2, 1, 0], [40, 41, 42, 43]])
+    path = write_mesh(tmp_path, trimesh.Trimesh(corners, faces, process=False))
+    assert "cuts through itself" in refusal(path)
+
+
 BODIES = {  # boxes, which of them are inside out, footprint and volume
     "apart, two inside out": ([box(10, 10, 4), box(9, 9, 4, at=(15, 0, 0)), box(4, 4, 4, at=(-9, 0, 0))], [0, 2],
                               197, 788),
