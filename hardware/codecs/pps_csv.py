@@ -1,9 +1,7 @@
 """`pps-csv`: the recording that the vendor's demonstration tool writes, and what spreadsheets make of it.
 
-A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`. The tool may have written
-lines above the title, and a separator behind the last number. A spreadsheet that saved it again may have put a byte
-order mark before it, and quotes around cells, and may write `0;0,11;0,02`: semicolons between the numbers and decimal
-commas.
+A title line `Time [ms], Elem0, Elem1, ...`, then one line a frame: `0, 0.11, 0.02, ...`, or another table of text with
+a time, as `text_tables` has them.
 """
 
 from __future__ import annotations
@@ -104,7 +102,7 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
             first, *others = text_tables.with_points(cells[time:], separator, commas)
-            row = np.array([_of_day(first) if ":" in first else float(first), *map(float, others)])
+            row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
         except ValueError:
             return None
         # A clock since 1970 in ns is larger than any reading may be.
@@ -144,8 +142,6 @@ def _time_at(cells: Sequence[str]) -> int:
 
 def _of_day(text: str) -> float:
     """Read `12:00:01.5`, perhaps behind a date (ISO 8601), in s. Raises ValueError."""
-    if not _OF_DAY.search(text):
-        raise ValueError(f"{text!r} is no time of day")
     whole = text if "-" in text else "1970-01-01T" + "0" * (text[1] == ":") + text
     return datetime.fromisoformat(whole).replace(tzinfo=UTC).timestamp()
 
