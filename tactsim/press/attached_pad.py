@@ -6,8 +6,9 @@ has none, and nothing of its motion changes. `pad_reader` reads the pad after ea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations, count
 from numbers import Real
 from typing import Literal
 
@@ -33,27 +34,12 @@ _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 class AttachedPad:
     """A pad on geoms of a model that is not compiled yet; `attach` makes it."""
 
-    geoms: tuple[mujoco.MjsGeom | str, ...]
+    geoms: tuple[mujoco.MjsGeom | str | int, ...]
     name: str
     pad: Pad
     normal: FloatArray
     at: FloatArray
     layer: Layer
-
-    @property
-    def geom(self) -> mujoco.MjsGeom | str:
-        """Give the first of the geoms, which is the only one of most pads."""
-        return self.geoms[0]
-
-    @property
-    def stiffness(self) -> float:
-        """Give the layer's stiffness, kPa/mm."""
-        return self.layer.stiffness
-
-    @property
-    def psf_sigma(self) -> float:
-        """Give the width of the point spread, mm."""
-        return self.layer.psf_sigma
 
     def bind(self, model: mujoco.MjModel) -> PadReader:
         """Find the geom in the compiled model.
@@ -66,13 +52,14 @@ class AttachedPad:
                 f"a pad is bound to a compiled mujoco.MjModel, got {short(type(model).__name__)}"
             )
         # A model that was attached to another one with a prefix renames its geoms.
-        names = [geom if isinstance(geom, str) else geom.name for geom in self.geoms]
-        geoms = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in names]
-        if min(geoms) < 0:
+        names = [geom if isinstance(geom, str | int) else geom.name for geom in self.geoms]
+        numbers = {model.geom(i).name or i: i for i in range(model.ngeom)}
+        if missing := [name for name in names if name not in numbers]:
             raise InputError(
-                f"the model has no geom {names[geoms.index(-1)]!r}: compile it from the spec that the pad is "
-                "attached to"
+                f"the model has no geom {missing[0]!r}: compile it from the spec that the pad is attached to; to a "
+                "copy in another spec a pad is attached by its name there"
             )
+        geoms = [numbers[name] for name in names]
         what, first = (f"geom {names[0]!r}" if len(names) == 1 else self.name), geoms[0]
         kind, size = int(model.geom_type[first]), model.geom_size[first]
         x_low, x_high, y_low, y_high = self.pad.load_bounds
@@ -84,9 +71,9 @@ class AttachedPad:
         if len(geoms) > 1 or kind == mujoco.mjtGeom.mjGEOM_MESH:
             surface = relief_surface(model, geoms, self.normal, self.at, what)
         else:
-            surface = pad_surface(kind, size, self.normal, self.at, names[0])
+            surface = pad_surface(kind, size, self.normal, self.at, str(names[0]))
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE and too_large(surface):
-                surface = pad_surface(kind, size, self.normal, self.at, names[0], over_ends=True)
+                surface = pad_surface(kind, size, self.normal, self.at, str(names[0]), over_ends=True)
         if too_large(surface):
             ends = [*surface.face.low, *surface.face.high]
             raise InputError(
@@ -111,7 +98,7 @@ def attach(
 ) -> AttachedPad:
     """Put a pad on a geom of `spec`; `bind` the result to the compiled model and `read` it after each step.
 
-    spec: or a compiled model. geom: the geom, or a body, or the name of either; on a body
+    spec: or a compiled model. geom: the name of a geom or of a body or, in a spec, one of them itself; on a body
     the pad lies on all of its geoms that can touch, on what is seen of them against `normal`.
     normal: (3,) in the geom's frame, and in the body's for a mesh or several geoms: where the pad's middle looks, by
     default +z, and +x on a capsule or a cylinder. The pad's rows run along +y, which is the frame's z (its y where
@@ -145,20 +132,22 @@ def attach(
     return AttachedPad(geoms, name, pad, direction, _vector(at, 2, "at"), layer)
 
 
-def bind(model: mujoco.MjModel, pads: Sequence[AttachedPad]) -> list[PadReader]:
+def bind(model: mujoco.MjModel, pads: Iterable[AttachedPad]) -> list[PadReader]:
     """Bind several pads to the compiled model, as `AttachedPad.bind` does each.
 
     Raises InputError also if two arrays overlap on one body.
     """
+    pads = list(pads) if isinstance(pads, Iterable) else [pads]
+    if wrong := [pad for pad in pads if not isinstance(pad, AttachedPad)]:
+        raise InputError(f"among the pads is {short(wrong[0])}; give a list of what `attach` returned")
     readers = [pad.bind(model) for pad in pads]
-    for index, reader in enumerate(readers):
-        for number, other in enumerate(readers[:index]):
-            if _overlap(reader, other) or _overlap(other, reader):
-                body = model.body(model.geom_bodyid[reader.geom]).name
-                raise InputError(
-                    f"the arrays of pads {number} and {index} overlap on body {body!r}: shift one by `at`, turn it by "
-                    "`normal`, or give both as one array"
-                )
+    for (number, other), (index, reader) in combinations(enumerate(readers), 2):
+        if _overlap(reader, other) or _overlap(other, reader):
+            body = model.body(model.geom_bodyid[reader.geom]).name
+            raise InputError(
+                f"the arrays of pads {number} and {index} overlap on body {body!r}: shift one by `at`, turn it by "
+                "`normal`, or give both as one array"
+            )
     return readers
 
 
@@ -173,9 +162,8 @@ def _overlap(reader: PadReader, other: PadReader) -> bool:
     (axes, origin), (other_axes, other_origin) = (each.frame_in_body() for each in (reader, other))
     points = (lines.points[lines.area > 0] @ axes.T + origin - other_origin) @ other_axes
     laid = other.surface.place(points)
-    below = other.surface.lines(
-        *np.ascontiguousarray(np.clip(laid, other.surface.face.low, other.surface.face.high).T)
-    )
+    on_face = np.clip(laid, other.surface.face.low, other.surface.face.high)
+    below = other.surface.lines(*np.ascontiguousarray(on_face.T))
     x_low, x_high, y_low, y_high = other.pad.load_bounds
     inside = ((laid > [x_low, y_low]) & (laid < [x_high, y_high])).all(axis=1)
     return bool((inside & (np.abs(points - below.points).max(axis=1) < _THIN)).any())
@@ -209,62 +197,56 @@ def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
 
 def _find(
     spec: mujoco.MjSpec | mujoco.MjModel, geom: str | mujoco.MjsGeom | mujoco.MjsBody
-) -> tuple[tuple[mujoco.MjsGeom | str, ...], str, int]:
-    """Find the geoms in a spec or in a model: each (or its name), what to call them, and the type of the first."""
-    if isinstance(spec, mujoco.MjModel):
-        if not isinstance(geom, str):
-            raise InputError(f"a compiled model's geom is given by its name, got {short(geom)}")
-        number = mujoco.mj_name2id(spec, mujoco.mjtObj.mjOBJ_GEOM, geom)
-        if number < 0:
-            raise unknown("geom", geom, [spec.geom(i).name for i in range(spec.ngeom) if spec.geom(i).name])
-        pairs = [*spec.pair_geom1, *spec.pair_geom2]
-        if not (spec.geom_contype[number] or spec.geom_conaffinity[number] or number in pairs):
-            raise _cannot_touch(geom)
-        return (geom,), geom, int(spec.geom_type[number])
-    if not isinstance(spec, mujoco.MjSpec):
+) -> tuple[tuple[mujoco.MjsGeom | str | int, ...], str, int]:
+    """Find geoms in a spec or a model: each (or its name, or number), what to call them, and the type of the first."""
+    if not isinstance(spec, mujoco.MjSpec | mujoco.MjModel):
         raise InputError(
             f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec).__name__)}"
         )
-    if isinstance(geom, str):
-        named = spec.geom(geom) or spec.body(geom)
+    compiled = isinstance(spec, mujoco.MjModel)
+    if compiled:
+        every, bodies = [spec.geom(i) for i in range(spec.ngeom)], [spec.body(i) for i in range(spec.nbody)]
+        paired = {every[i].name for i in [*spec.pair_geom1, *spec.pair_geom2]} - {""}
+    else:
+        every, bodies = spec.geoms, spec.bodies
+        paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)} - {""}
+    if isinstance(geom, str) and geom:
+        named = next((one for one in [*every, *bodies] if one.name == geom), None)
         if named is None:
-            names = [one.name for one in [*spec.geoms, *spec.bodies] if one.name]
-            hint = (
-                "; a geom without a name is spec.body(NAME).geoms[i]"
-                if any(not one.name for one in spec.geoms)
-                else ""
+            unnamed = not compiled and any(not one.name for one in every)
+            hint = "; a geom without a name is spec.body(NAME).geoms[i]" if unnamed else ""
+            raise InputError(
+                f"{unknown('geom or body', geom, [one.name for one in [*every, *bodies] if one.name])}{hint}"
             )
-            raise InputError(f"{unknown('geom or body', geom, names)}{hint}")
-    elif isinstance(geom, mujoco.MjsGeom | mujoco.MjsBody):
+    elif isinstance(geom, mujoco.MjsGeom | mujoco.MjsBody) and not compiled:
         named = geom
     else:
-        raise InputError(f"geom is {short(geom)}; give a geom or a body of the spec, or the name of one")
-    if isinstance(named, mujoco.MjsGeom):
+        raise InputError(
+            f"geom is {short(geom)}; give the name of a geom or a body"
+            f"{' of the model' if compiled else ', or a geom or a body of the spec'}"
+        )
+
+    def touches(one: mujoco.MjsGeom) -> bool:
+        return bool(one.contype or one.conaffinity or one.name in paired)
+
+    if geom in [one.name for one in every] or isinstance(named, mujoco.MjsGeom):
         geoms = [named]
+        if not touches(named):
+            raise InputError(
+                f"geom {named.name!r} cannot touch anything: its contype and conaffinity are 0 and it is in no "
+                "contact pair"
+            )
     else:
-        geoms = [one for one in named.geoms if _touches(spec, one)]
+        listed = every[named.geomadr[0] :][: named.geomnum[0]] if compiled else named.geoms
+        geoms = [one for one in listed if touches(one)]
         if not geoms:
             raise InputError(f"body {named.name!r} has no geom that can touch: a pad lies on one that can")
-    taken = {one.name for one in spec.geoms}
-    for one in geoms:
+    taken = {one.name for one in every}
+    for one in [] if compiled else geoms:
         if not one.name:
-            one.name = next(
-                name for i in range(len(taken) + 1) if (name := f"{one.parent.name}_pad{i}") not in taken
-            )
+            names = (f"{one.parent.name}_pad{i}" for i in count())
+            one.name = next(name for name in names if name not in taken)
             taken.add(one.name)
-    if not _touches(spec, geoms[0]):
-        raise _cannot_touch(geoms[0].name)
+    first = int(np.ravel(geoms[0].type)[0]) if len(geoms) == 1 else int(mujoco.mjtGeom.mjGEOM_MESH)
     name = geoms[0].name if len(geoms) == 1 else f"body {named.name!r}"
-    kind = int(geoms[0].type) if len(geoms) == 1 else int(mujoco.mjtGeom.mjGEOM_MESH)
-    return tuple(geoms), name, kind
-
-
-def _touches(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
-    paired = geom.name and any(geom.name in (pair.geomname1, pair.geomname2) for pair in spec.pairs)
-    return bool(geom.contype or geom.conaffinity or paired)
-
-
-def _cannot_touch(name: str) -> InputError:
-    return InputError(
-        f"geom {name!r} cannot touch anything: its contype and conaffinity are 0 and it is in no contact pair"
-    )
+    return tuple(one.name or one.id if compiled else one for one in geoms), name, first

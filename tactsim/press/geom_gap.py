@@ -125,8 +125,12 @@ def _hull(model: mujoco.MjModel, mesh: int) -> FloatArray:
     """Find the facets of a mesh's convex hull, which MuJoCo collides with in its place: as `_everywhere`."""
     from scipy.spatial import ConvexHull
 
-    start = model.mesh_vertadr[mesh]
-    vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(float) * _MM
+    start, graph = model.mesh_vertadr[mesh], model.mesh_graphadr[mesh]
+    listed = np.arange(model.mesh_vertnum[mesh])
+    if graph >= 0:  # of the hull: how many vertices and faces, as many addresses, then the vertices
+        count = model.mesh_graph[graph]
+        listed = model.mesh_graph[graph + 2 + count :][:count]
+    vertices = model.mesh_vert[start + listed].astype(float) * _MM
     hull = ConvexHull(vertices)
     _, first, face = np.unique(hull.equations.round(9), axis=0, return_index=True, return_inverse=True)
     face, corners = face.ravel(), vertices[hull.simplices]  # a flat side is many triangles

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactsim.core.compiling import Int32s2D, Ints1D, Reals1D, Reals2D, Reals3D, compiled
+from tactsim.core.compiling import Bools1D, Int32s2D, Ints1D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.press.geom_gap import FACETED, Body, Pose, among, union_gaps
 from tactsim.press.layer_balance import approach, balance
 from tactsim.press.pad_kernels import Carried, Taxels, spread_forces
-from tactsim.press.pad_surface import Face, dot, lay_lines, place, stepped
+from tactsim.press.pad_surface import Face, Lines, dot, lay_lines, place, stepped
 
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it
@@ -23,11 +23,12 @@ _LINES_A_PITCH_OF_STEPS = 25
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
+_OVER_CHORD = math.pi / 2  # length along a round face over that straight through it, at most
 _POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
 _GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
 _RIM = 0.25  # mm from the face's rim within which a contact point may lie
-_OFF = 2.0  # mm from the face within which one is on it, as MuJoCo lets bodies overlap
+_OFF = 2.0  # mm from the face within which one is on it
 _FACING = (
     0.7  # a load along which the face's normal has a smaller part presses the rim or another side of the geom
 )
@@ -42,7 +43,8 @@ _SPREAD = (
 class Load(NamedTuple):
     """What a rigid body does to a pad, in the pad's frame.
 
-    force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the contacts. centre: (3,) mm,
+    force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the pad's
+    geoms. centre: (3,) mm,
     where the force acts. axes: (2, 3), unit vectors about which the body turns until the pressure is centred
     there, or 0. spreads: (2,) mm, how far the contact points reach from side to side of each axis.
     """
@@ -59,14 +61,15 @@ class Contacts(NamedTuple):
     """The k contacts on a pad, as MuJoCo has them.
 
     forces: (k, 6), as mj_contactForce gives them, on the second of geoms (k, 2). frames (k, 9), with the first axis
-    from the first geom to the second; points (k, 3) m. bodies: of each geom of the model its rigid body. places: which
-    it is of its body's geoms, as `Body` lists them, and -1 if it is not among them.
+    from the first geom to the second; points (k, 3) m, halfway between the two, which are gaps (k,) m apart. bodies: of
+    each geom of the model its rigid body. places: which it is of its body's geoms, as `Body` lists them, else -1.
     """
 
     forces: Reals2D
     geoms: Int32s2D
     frames: Reals2D
     points: Reals2D
+    gaps: Reals1D
     bodies: Ints1D
     places: Ints1D
 
@@ -108,10 +111,10 @@ def uncorrelate(axes: Reals2D, rows: Reals2D) -> Reals1D:
 
 
 @compiled(called_from_python=False)
-def load_of(forces: Reals1D, pushes: Reals2D, points: Reals2D, turning: Reals2D) -> Load:
+def load_of(forces: Reals1D, pushes: Reals2D, points: Reals2D, touched: Reals2D, turning: Reals2D) -> Load:
     """Add up k contacts of a body, in the pad's frame, as `turn_contacts` gives them.
 
-    forces: (k,) N. pushes: (k, 3) N. points: (k, 3) mm. turning: (n, 3) rad a unit, as in `Frames`.
+    forces: (k,) N. pushes: (k, 3) N. points, touched: (k, 3) mm. turning: (n, 3) rad a unit, as in `Frames`.
     Where joints let the body turn, the balance of moments alone says where the load is centred, and MuJoCo keeps that
     balance, if contact points lie on both sides. Where joints hold it, its centre is that of MuJoCo's few points.
     """
@@ -134,21 +137,22 @@ def load_of(forces: Reals1D, pushes: Reals2D, points: Reals2D, turning: Reals2D)
     for i in range(len(points)):
         levers[i] = np.cross(direction, points[i] - centre)
     spreads = uncorrelate(axes, levers)
-    return Load(force, direction, points, centre, axes, spreads)
+    return Load(force, direction, touched, centre, axes, spreads)
 
 
 @compiled(called_from_python=False)
 def turn_contacts(
     contacts: Contacts, frames: Frames, number: int
-) -> tuple[Reals1D, Reals2D, Reals2D, Reals2D, Ints1D]:
+) -> tuple[Reals1D, Reals2D, Reals2D, Reals2D, Reals2D, Ints1D]:
     """Turn those of the contacts that press the pad and that body `number` makes into the pad's frame, k of them.
 
     Returns the normal forces (k,) N, the same from the pad (k, 3) N, the friction on the pad (k, 3) N, the points
-    (k, 3) mm, and which of the body's geoms touch (k,).
+    where they act and those of the pad's geom that are touched, (k, 3) mm, and which of the body's geoms touch (k,).
     """
     most, count = len(contacts.forces), 0
     forces, geoms = np.empty(most), np.empty(most, dtype=np.int64)
-    pushes, shears, points = np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
+    pushes, shears = np.empty((most, 3)), np.empty((most, 3))
+    points, touched = np.empty((most, 3)), np.empty((most, 3))
     for row in range(most):
         first, second = contacts.geoms[row, 0], contacts.geoms[row, 1]
         ahead = contacts.bodies[second] == number
@@ -158,41 +162,27 @@ def turn_contacts(
         frame = sign * contacts.frames[row].reshape(3, 3) @ frames.rotation
         pushes[count], shears[count] = force[0] * frame[0], -force[1] * frame[1] - force[2] * frame[2]
         points[count] = _MM * (contacts.points[row] - frames.origin) @ frames.rotation
+        touched[count] = points[count] - _MM * contacts.gaps[row] / 2 * frame[0]
         forces[count], geoms[count] = force[0], contacts.places[second if ahead else first]
         count += 1
-    return forces[:count], pushes[:count], shears[:count], points[:count], geoms[:count]
+    return forces[:count], pushes[:count], shears[:count], points[:count], touched[:count], geoms[:count]
 
 
 @compiled(called_from_python=False)
-def group_contacts(forces: Reals1D, pushes: Reals2D, geoms: Ints1D) -> Ints1D:
+def group_contacts(pushes: Reals2D) -> Ints1D:
     """Put those of a body's k contacts together that are made in about one direction: the number of each's group, (k,).
 
-    forces (k,) N and pushes (k, 3) N from the pad; geoms: (k,), what touches. The geoms come by the force that they
-    carry, and each goes to the first group that has its direction.
+    pushes: (k, 3) N from the pad. Each group is that of the largest force which is in none yet.
     """
-    count, known = len(geoms), 0
-    groups, ways = np.full(count, -1), np.zeros((count, 3))
-    while True:
-        most, heaviest = 0.0, -1
-        for i in range(count):
-            if groups[i] < 0:
-                total = forces[geoms == geoms[i]].sum()
-                if total > most:
-                    most, heaviest = total, i
-        if heaviest < 0:
-            return groups
-        for i in range(count):
-            if geoms[i] == geoms[heaviest]:
-                ways[known] += pushes[i]
-        ways[known] /= math.sqrt((ways[known] ** 2).sum())
-        group = 0
-        while group < known and dot(ways, group, ways, known) <= _FACING:
-            group += 1
-        groups[geoms == geoms[heaviest]] = group
-        if group == known:
-            known += 1
-        else:
-            ways[known] = 0.0
+    groups, left = np.full(len(pushes), -1), np.sqrt((pushes**2).sum(axis=1))
+    ways, group = pushes / left.reshape(-1, 1), 0
+    while left.any():
+        largest = left.argmax()
+        for i in range(len(pushes)):
+            if groups[i] < 0 and dot(ways, i, ways, largest) > _FACING:
+                groups[i], left[i] = group, 0.0
+        group += 1
+    return groups
 
 
 @compiled(called_from_python=False)
@@ -231,23 +221,29 @@ def sunken(pose: Pose, load: Load, depth: float, turn: Reals1D) -> Pose:
 
 
 @compiled(called_from_python=False)
+def lay_lattice(face: Face, u: Reals1D, v: Reals1D) -> Lines:
+    """Lay a line through each cell of a lattice, column by column: u (columns + 1,) and v (rows + 1,) mm, its edges."""
+    columns, rows = len(u) - 1, len(v) - 1
+    at_u, at_v = np.empty(rows * columns), np.empty(rows * columns)
+    du, dv = u[1] - u[0], v[1] - v[0]
+    for column in range(columns):
+        for row in range(rows):
+            at_u[column * rows + row], at_v[column * rows + row] = u[column] + du / 2, v[row] + dv / 2
+    return lay_lines(face, at_u, at_v, du, dv)
+
+
+@compiled(called_from_python=False)
 def press_cells(
     face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load, u: Reals1D, v: Reals1D, sunk: float
-) -> tuple[Carried, Body, Pose, float, float]:
+) -> tuple[Carried, Bools1D, Pose, float, float]:
     """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
 
-    sunk: mm by which the body was moved along the load already. Returns also those of the body's geoms that some
-    line may meet, how they lie where the load is balanced, how far the body is sunk there, and by how much more it
+    sunk: mm by which the body was moved along the load already. Returns also which of the body's geoms (p,) a
+    line meets, how all lie where the load is balanced, how far the body is sunk there, and by how much more it
     would be without a turn.
     """
     columns, rows = len(u) - 1, len(v) - 1
-    cells, du, dv = rows * columns, u[1] - u[0], v[1] - v[0]
-    at_u, at_v = np.empty(cells), np.empty(cells)
-    for column in range(columns):
-        for row in range(rows):
-            cell = column * rows + row
-            at_u[cell], at_v[cell] = u[column] + du / 2, v[row] + dv / 2
-    lines = lay_lines(face, at_u, at_v, du, dv)
+    cells, du, dv, lines = rows * columns, u[1] - u[0], v[1] - v[0], lay_lattice(face, u, v)
     cover = union_gaps(body, pose, lines, face.depth + sunk)
     met, gap, shift = cover.cell, cover.gap, cover.shift
     own, way, centre = len(lines.normals) > 1, load.direction, load.centre
@@ -272,8 +268,10 @@ def press_cells(
         for j in range(len(turns)):
             basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
     forces, moved = np.zeros(cells), np.zeros((2, cells))
+    chosen = np.zeros(len(body.kind), dtype=np.bool_)
+    chosen[cover.geom] = True
     if weight.sum() == 0:
-        return Carried(forces.reshape(columns, rows), moved, u, v), body, pose, sunk, 0.0
+        return Carried(forces.reshape(columns, rows), moved, u, v), chosen, pose, sunk, 0.0
     straight = approach(gap, weight, basis[0], load.force)
     motion = balance(gap, weight, basis, load.force, straight)
     for i in range(len(met)):
@@ -289,11 +287,34 @@ def press_cells(
     turn = np.zeros(3)
     for j in range(len(turns)):
         turn += motion[1 + j] * turns[j]
-    # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
-    chosen = body.kind != FACETED
-    chosen[cover.geom] = True
-    parts, there = among(body, sunken(pose, load, motion[0], turn), chosen)
-    return Carried(forces.reshape(columns, rows), moved, u, v), parts, there, sunk + motion[0], straight
+    there = sunken(pose, load, motion[0], turn)
+    return Carried(forces.reshape(columns, rows), moved, u, v), chosen, there, sunk + motion[0], straight
+
+
+@compiled(called_from_python=False)
+def widen(
+    face: Face, body: Body, pose: Pose, sunk: float, met: Bools1D, low: Reals1D, high: Reals1D
+) -> tuple[Reals1D, Reals1D]:
+    """Widen low and high, (2,) mm, to all that is below the face of a body that is sunk until a load is balanced.
+
+    A geom that no line met has no contact point, but may stand so little higher that the layer carries it, too: met
+    (p,) is changed.
+    """
+    for geom in range(len(met)):
+        middle, reach = place(face, pose.positions[geom : geom + 1])[0], _OVER_CHORD * body.radii[geom]
+        first, last = np.maximum(middle - reach, face.low), np.minimum(middle + reach, face.high)
+        size = (last - first) / _SEARCH
+        if met[geom] or not (np.isfinite(size) & (size > 0)).all():
+            continue
+        alone = np.arange(len(met)) == geom
+        u, v = np.linspace(first[0], last[0], _SEARCH + 1), np.linspace(first[1], last[1], _SEARCH + 1)
+        cover = union_gaps(*among(body, pose, alone), lay_lattice(face, u, v), face.depth + sunk)
+        for cell in cover.cell[cover.gap < 0]:
+            corner = np.array([u[cell // _SEARCH], v[cell % _SEARCH]])
+            low = np.minimum(low, np.maximum(corner - size, face.low))
+            high = np.maximum(high, np.minimum(corner + 2 * size, face.high))
+            met[geom] = True
+    return low, high
 
 
 @compiled(called_from_python=False)
@@ -334,7 +355,7 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
         if (high <= low).any():
             break
         u, v = np.linspace(low[0], high[0], _SEARCH + 1), np.linspace(low[1], high[1], _SEARCH + 1)
-        carried, parts, moved, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
+        carried, met, moved, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
         size, cell = high - low, (high - low) / _SEARCH
         first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
         for row in range(_SEARCH):
@@ -362,6 +383,9 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
         if (high - low < _POINT * taxels.pitch).all():
             break
         if (high - low > size / 2).all():
+            low, high = widen(face, body, moved, sunk, met, low, high)
+            # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
+            parts, moved = among(body, moved, met | (body.kind != FACETED))
             least, most, a_pitch = _LINES[0], _LINES[1], _LINES_A_PITCH
             if len(body.kind) > 1:
                 least = _LINES_OF_SEVERAL
@@ -388,19 +412,20 @@ def press(
     most of a force is on the pad.
     """
     images, sums = np.zeros((3, len(taxels.rows), len(taxels.columns))), np.zeros(7)
-    forces, pushes, shears, points, geoms = turn_contacts(contacts, frames, number)
-    groups, pose = group_contacts(forces, pushes, geoms), pose_of(frames)
+    forces, pushes, shears, points, touched, geoms = turn_contacts(contacts, frames, number)
+    groups, pose = group_contacts(pushes), pose_of(frames)
     # A load is on all geoms that may touch the face, but for those that touch it another way.
-    reach, touching = math.sqrt(((face.high - face.low) ** 2).sum()), np.full(len(body.kind) + 1, -1)
+    reach, other = math.sqrt(((face.high - face.low) ** 2).sum()), np.zeros(len(body.kind) + 1, np.bool_)
     for geom in range(len(body.kind)):
-        if math.sqrt((pose.positions[geom] ** 2).sum()) - reach > body.radii[geom]:
-            touching[geom] = -2
-    touching[geoms] = groups
+        other[geom] = math.sqrt((pose.positions[geom] ** 2).sum()) - reach > body.radii[geom]
+    other[geoms] = True
     for group in range(max(groups) + 1 if len(groups) else 0):
         (rows,) = np.nonzero(groups == group)
-        load = load_of(forces[rows], pushes[rows], points[rows], frames.turning)
+        touching = ~other
+        touching[geoms[rows]] = True
+        load = load_of(forces[rows], pushes[rows], points[rows], touched[rows], frames.turning)
         shear = shears[rows].sum(axis=0)
-        parts, there = among(body, pose, ((touching == group) | (touching == -1))[:-1])
+        parts, there = among(body, pose, touching[:-1])
         carried, sunk = carry(face, taxels, parts, there, load)
         image = np.zeros(images[0].shape)
         inside = spread_forces(carried, taxels, image)

@@ -10,16 +10,17 @@ kPa of it.
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
-from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.core.errors import InputError, short
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.geom_gap import Body, body_of
@@ -30,8 +31,6 @@ from tactsim.press.pad_surface import PadSurface
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-# What a body does to a pad: (3, taxels) N, and (6,), as `press` gives them.
-_Felt = tuple[FloatArray, FloatArray]
 
 
 class Layer(NamedTuple):
@@ -64,28 +63,20 @@ class PadReader:
     """A pad on a geom of a compiled model."""
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        geoms: Sequence[int],
-        pad: Pad,
-        surface: PadSurface,
-        layer: Layer,
+        self, model: mujoco.MjModel, geoms: Sequence[int], pad: Pad, surface: PadSurface, layer: Layer
     ) -> None:
         """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt."""
         self.model, self.geoms, self.pad, self.surface = model, tuple(geoms), pad, surface
         self._centre = layer.centre
         x_low, x_high, y_low, y_high = pad.load_bounds
         columns, rows = np.array(pad.column_edges), np.array(pad.row_edges)
-        bounds, pitch = (
-            np.array([[x_low, x_high], [y_low, y_high]]),
-            np.array([pad.pitch_x, pad.pitch_y], float),
-        )
+        bounds = np.array([[x_low, x_high], [y_low, y_high]])
+        pitch = np.array([pad.pitch_x, pad.pitch_y], float)
         stiffness, sigma = layer.stiffness / _KPA, float(layer.psf_sigma)
         self._taxels = Taxels(columns, rows, bounds, pitch, sigma, stiffness)
         self._area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
         self._bodies: dict[int, tuple[Body, NDArray[np.int64]]] = {}
-        self._last: WeakKeyDictionary[mujoco.MjData, tuple[float, dict[int, _Felt]]]
-        self._last = WeakKeyDictionary()
+        self._awake: mujoco.MjModel | None = None
         self._warned = False
         self._own = np.zeros(model.ngeom + 1, dtype=bool)  # the last: what is no geom
         self._own[list(geoms)] = True
@@ -110,42 +101,47 @@ class PadReader:
         return self.geoms[0]
 
     def read(self, data: mujoco.MjData) -> PadReading:
-        """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward."""
+        """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward.
+
+        Raises InputError if the data are not of a model as the one that the pad is bound to.
+        """
+        if not isinstance(data, mujoco.MjData) or data.signature != self.model.signature:
+            got = "those of another" if isinstance(data, mujoco.MjData) else short(type(data).__name__)
+            raise InputError(f"a pad reads the MjData of the model that it is bound to, got {got}")
+        if self.model.opt.enableflags & _SLEEP:
+            data = self._without_sleep(data)
         contact = data.contact
         own = self._own[contact.geom]
         (index,) = (own[:, 0] != own[:, 1]).nonzero()
-        felt: dict[int, _Felt] = {}
+        images, sums = np.zeros((3, self.pad.taxels)), np.zeros(6)
         if len(index):
             forces = np.empty((len(index), 6))
             for row, number in enumerate(index.tolist()):
                 mujoco.mj_contactForce(self.model, data, number, forces[row])
             geoms = contact.geom[index]
-            contacts = Contacts(
-                forces, geoms, contact.frame[index], contact.pos[index], self._body_of, self._places
-            )
+            given = contact.frame[index], contact.pos[index], contact.dist[index]
+            contacts = Contacts(forces, geoms, *given, self._body_of, self._places)
             for body in set(self._body_of[geoms].ravel().tolist()) - {self._body_of[self.geom]}:
-                felt[body] = self._felt(data, body, contacts)
-        if self.model.opt.enableflags & _SLEEP:
-            felt = self._asleep(data) | felt
-            self._last[data] = (data.time, felt)
-        images, sums = np.zeros((3, self.pad.taxels)), np.zeros(6)
-        for image, figures in felt.values():
-            images += image
-            sums += figures
+                image, figures = self._felt(data, body, contacts)
+                images += image
+                sums += figures
         force, inside, _, _, _, count = sums.tolist()
         kpa = _KPA / self._area * images
         return PadReading(kpa[0], kpa[1:].T, force, force - inside, sums[2:5], int(count))
 
-    def _asleep(self, data: mujoco.MjData) -> dict[int, _Felt]:
-        """Find what bodies did when last read that sleep since then: MuJoCo drops their contacts. A reset forgets."""
-        time, felt = self._last.get(data, (0.0, {}))
-        if data.time < time:
-            return {}
-        trees, own = self.model.body_treeid, self.model.geom_bodyid[self.geom]
-        sleeps = [
-            body for body in felt if any(t >= 0 and data.tree_asleep[t] >= 0 for t in trees[[body, own]])
-        ]
-        return {body: felt[body] for body in sleeps}
+    def _without_sleep(self, data: mujoco.MjData) -> mujoco.MjData:
+        """Take the state with all contacts: MuJoCo drops those of what sleeps, on a pad that sleeps or never moves."""
+        own, asleep = self.model.body_treeid[self.model.geom_bodyid[self.geom]], data.tree_asleep >= 0
+        if not (asleep[own] if own >= 0 else asleep.any()):
+            return data
+        if self._awake is None:
+            model = copy.copy(self.model)
+            model.opt.enableflags &= ~_SLEEP
+            self._awake = model
+        whole = mujoco.MjData(self._awake)
+        mujoco.mj_copyData(whole, self._awake, data)
+        mujoco.mj_forward(self._awake, whole)
+        return whole
 
     def frame_in_body(self) -> tuple[FloatArray, FloatArray]:
         """Return where the pad is in its body's frame: rotation (3, 3) and its middle (3,) mm."""
@@ -159,18 +155,16 @@ class PadReader:
         geom = data.geom_xmat[self.geom].reshape(3, 3)
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
-    def _felt(self, data: mujoco.MjData, body: int, contacts: Contacts) -> _Felt:
-        """Let the layer carry what one rigid body does. No taxel feels what acts on the geom beside the face."""
+    def _felt(self, data: mujoco.MjData, body: int, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
+        """Let the layer carry what one rigid body does: (3, taxels) N, and (6,), as `press` gives them."""
         if body not in self._bodies:
             listed = self._felt_geoms[body]
             self._bodies[body] = body_of(self.model, listed.tolist()), listed
         (shape, geoms), face = self._bodies[body], self.surface.face
         rotation, origin = self.frame(data)
-        turning = (
-            np.eye(3)
-            if self._centre == "mujoco"
-            else self._moves[body][:, None] * data.cdof[:, :3] @ rotation
-        )
+        turning = np.eye(3)
+        if self._centre != "mujoco":
+            turning = self._moves[body][:, None] * data.cdof[:, :3] @ rotation
         frames = Frames(geoms, data.geom_xmat, data.geom_xpos, rotation, origin, turning)
         images, sums = press(face, self._taxels, shape, frames, contacts, body)
         if (sunk := sums[6]) > face.depth and not self._warned:
@@ -185,12 +179,12 @@ class PadReader:
 
 
 def touchable(model: mujoco.MjModel, geoms: Sequence[int]) -> NDArray[np.bool_]:
-    """Tell which geoms (ngeom,) of a model can touch any of `geoms`, by MuJoCo's rules for types and pairs."""
-    felt = np.zeros(model.ngeom, dtype=bool)
-    for geom in geoms:
-        felt |= (model.geom_contype & model.geom_conaffinity[geom]) != 0
-        felt |= (model.geom_conaffinity & model.geom_contype[geom]) != 0
-        felt[model.pair_geom2[model.pair_geom1 == geom]] = True
-        felt[model.pair_geom1[model.pair_geom2 == geom]] = True
-    felt &= model.body_weldid[model.geom_bodyid] != model.body_weldid[model.geom_bodyid[geoms[0]]]
-    return felt
+    """Tell which geoms (ngeom,) can touch any of `geoms`, by MuJoCo's rules for types, exclusions and pairs."""
+    own, listed = model.geom_bodyid[geoms[0]], list(geoms)
+    kinds, others = np.bitwise_or.reduce([model.geom_contype[listed], model.geom_conaffinity[listed]], axis=1)
+    felt = (model.geom_contype & others | model.geom_conaffinity & kinds) != 0
+    first, second = model.exclude_signature >> 16, model.exclude_signature & 0xFFFF
+    felt &= ~np.isin(model.geom_bodyid, [*first[second == own], *second[first == own]])
+    felt[model.pair_geom2[np.isin(model.pair_geom1, listed)]] = True
+    felt[model.pair_geom1[np.isin(model.pair_geom2, listed)]] = True
+    return felt & (model.body_weldid[model.geom_bodyid] != model.body_weldid[own])

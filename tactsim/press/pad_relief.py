@@ -64,11 +64,7 @@ def relief_surface(
     column, row = np.abs(x - middle[0]).argmin(), np.abs(y - middle[1]).argmin()
     top = height[row, column] if seen[row, column] else height[seen].max()
     relief = np.where(seen, [height - top, slope_x, slope_y, np.ones_like(height)], 0.0)
-    jumps = (
-        _jumps(height, seen, slope_x * steps[0], slope_y * steps[1])
-        if len(listed) > 1
-        else np.zeros(height.shape)
-    )
+    jumps = _jumps(height, seen, slope_x * steps[0], slope_y * steps[1]) * (len(listed) > 1)
     grid = np.array([x[0] - middle[0], y[0] - middle[1], *steps])
     first = _matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM

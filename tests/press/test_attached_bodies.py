@@ -35,6 +35,7 @@ def gap_of(boxes):
         [(0.2, 0.1, 5, 1.3), (0.2, 0.1, 1.1, 4)],  # a cross
         [(-6, 0, 5, 4), (4.3, 0, 5.3, 4)],  # beyond the pad's rim
         [(-3, 0, 3, 4, 0.0), (3, 0, 3, 4, 0.02)],  # a step
+        [(-5, 0, 1, 1, 0.0), (5, 0, 1, 1, 0.05)],  # feet apart, one so high that MuJoCo has no contact there
     ],
 )
 def test_boxes_of_one_body_are_one_face(boxes):
@@ -50,6 +51,24 @@ def test_parts_that_nothing_presses_change_nothing():
     more = plate + box(0, 8, 5, 2, 1.0) + box(0, 1.6, 5, 0.5, 1.0)
     plain, other = (settle(geoms, pose='pos="0 0 1e-5"')[2].kpa for geoms in (plate, more))
     np.testing.assert_allclose(other, plain, atol=1e-9 * plain.max())
+
+
+def test_a_round_foot_that_mujoco_does_not_feel_is_carried_by_the_layer():
+    feet = [(-4, 0.0), (4, 0.4)]
+    geoms = "".join(f'<geom size=".003" pos="{x / 1e3} .0003 {0.003 + above / 1e3}"/>' for x, above in feet)
+    _, data, reading = settle(geoms, pose='pos="0 0 1e-5"', stiffness=500)
+    assert data.ncon == 1
+
+    def gap(x, y):
+        away = [9 - (x - at) ** 2 - (y - 0.3) ** 2 for at, _ in feet]
+        lower = [
+            np.where(inside > 0, 3 - np.sqrt(np.maximum(inside, 0)) + above, np.inf)
+            for inside, (_, above) in zip(away, feet, strict=True)
+        ]
+        return np.minimum(*lower)
+
+    truth, _ = springs(PAD, gap, 2 * reading.force)  # of 1 N/mm^3, twice as much
+    assert errors(2 * reading.kpa, truth)[1] < 0.01
 
 
 @pytest.mark.parametrize(("name", "tilt"), [("A", 0.0), ("E", 0.02)])
@@ -105,6 +124,21 @@ def test_two_faces_of_one_body_that_hold_a_finger_are_two_loads():
     assert right.outside == pytest.approx(right.force / 2, rel=1e-3)
     assert right.kpa.sum() == pytest.approx(left.kpa.sum(), rel=1e-6)
     assert right.kpa.max() > 1
+
+
+@pytest.mark.parametrize("squeeze", [0.0, 0.1])
+def test_walls_that_press_a_ball_on_the_pads_floor_are_outside_and_the_floor_is_not(squeeze):
+    """Three contacts of one geom in three directions, which are no load in their mean direction."""
+    walls = "".join(
+        f'<geom type="box" size=".002 .01 .01" pos="{x * (7 - squeeze) / 1e3} 0 .005"/>' for x in (-1, 1)
+    )
+    reading = press_on(
+        f'<geom type="box" size=".009 .01 .002" pos="0 0 -.002"/>{walls}',
+        pad=Pad(rows=6, columns=4),
+        object_geom='<geom size=".005" pos="0 0 .005" mass=".2"/>',
+    )
+    assert reading.force - reading.outside == pytest.approx(0.2 * 9.81, rel=0.01)
+    assert (reading.outside > 0.1) == (squeeze > 0)
 
 
 def press_on(link, *, pad=PAD, object_geom, assets="", **options):
