@@ -125,7 +125,7 @@ def test_a_mesh_whose_hull_mujoco_simplifies_is_felt_where_that_touches():
     _, data, reading = simulate(world, pad=PAD, steps=2000)
     centre = reading.kpa @ PAD.taxel_xy / reading.kpa.sum()
     assert data.ncon == 1
-    np.testing.assert_allclose(centre, data.contact.pos[0, :2] * 1e3, atol=0.3)
+    np.testing.assert_allclose(centre, data.contact.pos[0, :2] * 1e3, atol=0.1)  # 0.17 off with all vertices
 
 
 # MuJoCo before 3.17 refuses a number in XML that is no normal double.
