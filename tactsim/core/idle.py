@@ -81,9 +81,12 @@ def find_idle(readings: ArrayLike) -> Idle:
 
     Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
     tenth of the presses has the sign of most others; so has one that rests or saturates at an end with the fewer of its
-    readings, and where most do, more load reads more. Of fewer than fifty presses nothing is told: taxels rest at 0.
+    readings, and where most do, more load reads more. Readings that come again to the digit are of failed frames, or of
+    an untouched pad, and are left out. Of fewer than fifty presses nothing is told: taxels rest at 0.
     """
     values = np.asarray(readings, dtype=float)
+    rows, times = np.unique(values, axis=0, return_counts=True)
+    values = rows[times == 1] if (times == 1).sum() >= _FEWEST else values
     taxels = values.shape[1]
     if len(values) < _FEWEST:
         return Idle(np.zeros(taxels), np.ones(taxels), np.zeros(taxels, dtype=bool), 1.0)

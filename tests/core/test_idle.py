@@ -54,6 +54,20 @@ def test_a_taxel_that_is_nearly_always_pressed_goes_with_the_others():
     assert "of 1 taxels it cannot be told" in idle.describe()
 
 
+@pytest.mark.parametrize(("share", "failed"), [(0.15, 0.0), (0.05, 65535.0), (0.1, "the one before")])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_frames_that_failed_have_no_say(share, failed, sign):
+    readings = sign * pressed(presses=600) + np.random.default_rng(1).integers(300, 500, TAXELS)
+    bad = np.random.default_rng(2).random(len(readings)) < share
+    bad[0] = True
+    among = readings.copy()
+    among[bad] = readings[0] if isinstance(failed, str) else failed
+    idle, alone = find_idle(among), find_idle(readings[~bad])
+    assert np.array_equal(idle.sign, alone.sign)
+    assert np.abs(idle.level - alone.level).max() < 0.1
+    assert idle.off_zero
+
+
 def test_dead_taxels_have_no_say():
     readings = -pressed()
     readings[:, :20] = np.random.default_rng(0).normal(size=(len(readings), 20)) * 0.01
