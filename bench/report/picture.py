@@ -71,9 +71,7 @@ def pareto_figure(group: Group) -> Figure:
     for number, method in enumerate(group.methods):
         mine = [point for point in found if point.entry.method == method]
         colour, marker = look(number)
-        style = {
-            "color": colour, "marker": marker, "ms": 6, "lw": 1.4, "label": method,
-        }  # fmt: skip
+        style = {"color": colour, "marker": marker, "ms": 6, "lw": 1.4, "label": method}
         placed = [point for point in mine if point.error is not None]
         left.plot([1e3 * p.seconds for p in placed], [p.error for p in placed], **style)
         for p in placed:

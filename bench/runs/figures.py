@@ -76,9 +76,8 @@ def readings_figure(run: Run) -> Picture:
     _draw_accuracy(run, left)
     _draw_error(run, right)
     for axes in (left, right):
-        axes.set_title(
-            "", y=1
-        )  # a title without a place is moved away from all ticks, which are measured for it
+        # A title without a place is moved away from all ticks, which are measured for it.
+        axes.set_title("", y=1)
         axes.xaxis.set_label_coords(0.5, -0.105)
     figure.suptitle("\n".join(lines), y=1 - 0.06 / 3.8, fontsize=10, parse_math=False)
     return figure

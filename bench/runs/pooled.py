@@ -155,9 +155,8 @@ class Pooled:
         """Find the reading by which `share` of the trials are and stay right."""
         right = self.trials.right
         at, readings = settled_at(right), right.shape[1]
-        settled = self.counts @ (
-            at[:, None] <= np.arange(1, readings + 1)
-        )  # (draws, readings) trials settled by then
+        # (draws, readings) trials settled by then
+        settled = self.counts @ (at[:, None] <= np.arange(1, readings + 1))
         enough = settled >= share * self.counts.sum(axis=1, keepdims=True) - 1e-9
         drawn = np.where(enough.any(axis=1), enough.argmax(axis=1) + 1, readings + 1)
         low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="inverted_cdf")

@@ -109,12 +109,7 @@ function paint(canvas, rows, columns, colourOf) {
   const image = context.createImageData(columns, rows);
   for (let r = 0; r < rows; r++) {
     for (let c = 0; c < columns; c++) {
-      const [red, green, blue] = colourOf(r * columns + c);
-      const at = 4 * ((rows - 1 - r) * columns + c);
-      image.data[at] = red;
-      image.data[at + 1] = green;
-      image.data[at + 2] = blue;
-      image.data[at + 3] = 255;
+      image.data.set([...colourOf(r * columns + c), 255], 4 * ((rows - 1 - r) * columns + c));
     }
   }
   context.putImageData(image, 0, 0);
@@ -153,15 +148,15 @@ function slider(label, last, start, onInput) {
     output.textContent = `${input.value} of ${last}`;
     input.setAttribute("aria-valuetext", `reading ${input.value} of ${last}`);
   };
-  input.addEventListener("input", () => {
+  const moved = () => {
     say();
     onInput(Number(input.value));
-  });
+  };
+  input.addEventListener("input", moved);
   say();
   const set = (value) => {
     input.value = value;
-    say();
-    onInput(Number(input.value));
+    moved();
   };
   return { field: h("div", { class: "field slide" }, h("label", { for: id }, label), input, output), input, set };
 }

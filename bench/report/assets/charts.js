@@ -89,18 +89,8 @@ function frame(svg, width, height, x, y) {
 }
 
 // Broken where a value is missing, so that a gap is seen as a gap.
-function linePath(values, sx, sy) {
-  let path = "", pen = false;
-  values.forEach((value, i) => {
-    if (value === null) {
-      pen = false;
-      return;
-    }
-    path += `${pen ? "L" : "M"}${sx(i + 1).toFixed(1)} ${sy(value).toFixed(1)}`;
-    pen = true;
-  });
-  return path;
-}
+const linePath = (values, sx, sy) => values.map((value, i) =>
+  (value === null ? "" : `${(values[i - 1] ?? null) === null ? "M" : "L"}${sx(i + 1).toFixed(1)} ${sy(value).toFixed(1)}`)).join("");
 
 function bandPath(low, high, sx, sy) {
   const known = low.map((value, i) => (value === null || high[i] === null ? null : i)).filter((i) => i !== null);
@@ -262,14 +252,8 @@ function scatter(spec) {
     byTime.forEach((point, i) => {
       const at = `translate(${sx(point.x)} ${sy(point.y)})`;
       if (point.frontier) inside.append(s("circle", { class: "ring", r: 9, transform: at }));
-      inside.append(
-        s("path", {
-          class: `mark m${point.method % COLOURS}${i === chosen ? " chosen" : ""}`,
-          d: mark(point.method, 5),
-          transform: at,
-          pointerenter: () => choose(i),
-        }),
-      );
+      const look = `mark m${point.method % COLOURS}${i === chosen ? " chosen" : ""}`;
+      inside.append(s("path", { class: look, d: mark(point.method, 5), transform: at, pointerenter: () => choose(i) }));
     });
     // Budgets beside their marks, those of the frontier first; where there is no room, the mark says it when pointed at.
     const taken = byTime.map((point) => [sx(point.x) - 6, sy(point.y) - 6, 12, 12]);

@@ -56,11 +56,9 @@ function readingsSection(task) {
     return h("label", { class: "toggle" }, input, lineSwatch(run.method, run.dash), run.label);
   });
   const set = (runs) => {
-    task.runs.forEach((run, i) => {
-      boxes[i].querySelector("input").checked = runs.includes(run);
-      if (runs.includes(run)) visible.add(run);
-      else visible.delete(run);
-    });
+    visible.clear();
+    for (const run of runs) visible.add(run);
+    task.runs.forEach((run, i) => (boxes[i].querySelector("input").checked = visible.has(run)));
     update(Number(control.input.value));
   };
   const buttons = task.runs.length > 3 && [
