@@ -304,7 +304,7 @@ class RunConfig(ScanWords):
 
     estimator: str = Field("refined", description="The estimator; `bench list` names them all.")
     bins: int | None = Field(
-        None, description="Histogram bins for each letter: 100, 1000, 10000 (Table I) or any count."
+        None, description="Histogram bins for each letter: 100, 1000, 10000 (Table I), or at most so many."
     )
     particles: int | None = Field(None, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
