@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from page_blocks import asked_for, fill_blocks, fill_one
@@ -32,25 +33,34 @@ LONG = {"histogram": 10_000, "refined": 1_000, "force-mosaic": 1_000, "tempered"
 GROWING = ("histogram", "refined", "force-mosaic")
 
 
-def milliseconds(name: str, scan: Scan, readings: int, trials: int = TRIALS) -> tuple[FloatArray, float]:
-    """Time an estimator: ms of each reading (readings,), the median of the trials, and seconds of the fit."""
-    estimator = tactsim.create(name)
-    begin = time.process_time()
-    estimator.fit(scan)
-    fitted = time.process_time() - begin
-    spent = np.zeros((1 + trials, readings))  # the first trial warms up
-    for trial, of_trial in enumerate(spent):
-        rng = np.random.default_rng(trial)
-        test = scan.where("test", str(rng.choice(scan.letters)))
-        chosen = rng.integers(len(test), size=readings)
-        poses = compose(invert(draw_true_pose(rng)), test.poses[chosen])
-        estimator.reset(rng)
-        for k, (reading, pose) in enumerate(zip(test.readings[chosen], poses, strict=True)):
-            begin = time.process_time()
-            estimator.update(reading, pose)
-            estimator.estimate()
-            of_trial[k] = 1e3 * (time.process_time() - begin)
-    return np.median(spent[1:], axis=0), fitted
+class Timed(NamedTuple):
+    """What an estimator takes: ms of each reading (readings,), the median of the trials, and seconds of the fit."""
+
+    spent: FloatArray
+    fit: float
+
+
+def in_turns(name: str, scans: Sequence[Scan], readings: int, trials: int = TRIALS) -> list[Timed]:
+    """Time an estimator on several scans: a trial of each in turn, since a machine's speed changes by the minute."""
+    fits, spent = [], np.zeros((len(scans), 1 + trials, readings))  # the first trial of each warms up
+    estimators = [tactsim.create(name) for _ in scans]
+    for estimator, scan in zip(estimators, scans, strict=True):
+        begin = time.process_time()
+        estimator.fit(scan)
+        fits.append(time.process_time() - begin)
+    for trial in range(1 + trials):
+        for estimator, scan, of_scan in zip(estimators, scans, spent, strict=True):
+            rng = np.random.default_rng(trial)
+            test = scan.where("test", str(rng.choice(scan.letters)))
+            chosen = rng.integers(len(test), size=readings)
+            poses = compose(invert(draw_true_pose(rng)), test.poses[chosen])
+            estimator.reset(rng)
+            for k, (reading, pose) in enumerate(zip(test.readings[chosen], poses, strict=True)):
+                begin = time.process_time()
+                estimator.update(reading, pose)
+                estimator.estimate()
+                of_scan[trial, k] = 1e3 * (time.process_time() - begin)
+    return [Timed(np.median(of_scan[1:], axis=0), fit) for of_scan, fit in zip(spent, fits, strict=True)]
 
 
 def enlarged(scan: Scan, count: int) -> Scan:
@@ -73,13 +83,12 @@ def by_letters() -> list[list[str]]:
     rows = [
         ["", "letters", f"ms a reading of {READINGS}", f"of the first {EARLY}", "fit, s", "times 5 letters"]
     ]
+    scans = [glyphs.of_letters(glyphs.letters[:count]) for count in LETTERS[:2]]
+    scans.append(enlarged(glyphs, LETTERS[2]))
     for name in GROWING:
-        few = None
-        for count in LETTERS:
-            scan = glyphs.of_letters(glyphs.letters[:count]) if count <= 36 else enlarged(glyphs, count)
-            spent, fit = milliseconds(name, scan, READINGS)
-            few = few or spent.mean()
-            figures = (spent.mean(), spent[:EARLY].mean(), fit, spent.mean() / few)
+        timed = in_turns(name, scans, READINGS)
+        for count, (spent, fit) in zip(LETTERS, timed, strict=True):
+            figures = (spent.mean(), spent[:EARLY].mean(), fit, spent.mean() / timed[0].spent.mean())
             rows.append([f"`{name}`" if count == LETTERS[0] else "", str(count), *map(_short, figures)])
     return rows
 
@@ -89,7 +98,7 @@ def by_readings() -> list[list[str]]:
     scan, at = tactsim.scan(test_poses="random"), (100, 1_000, 10_000)
     rows = [["ms a reading", *(f"at reading {k:,}" for k in at), "last beside 100"]]
     for name, most in LONG.items():
-        spent, _ = milliseconds(name, scan, most, trials=3)
+        ((spent, _),) = in_turns(name, [scan], most, trials=3)
         around = [np.median(spent[k - 50 : k + 1]) for k in at if k <= most]
         figures = [*map(_short, around), *[""] * (len(at) - len(around)), f"{around[-1] / around[0]:.1f}"]
         rows.append([f"`{name}`", *figures])
@@ -115,7 +124,7 @@ def by_taxels() -> list[list[str]]:
             tactsim.scan(scan_set={f"pad.{key}": value for key, value in pad.items()}, test_poses="random")
         )
     for name in GROWING:
-        means = [milliseconds(name, scan, 20)[0].mean() for scan in scans]
+        means = [spent.mean() for spent, _ in in_turns(name, scans, 20)]
         rows.append([f"`{name}`", *map(_short, means), f"{means[-1] / means[0]:.1f}"])
     return rows
 

@@ -8,10 +8,12 @@ import tactsim
 
 def test_every_reading_of_a_trial_has_a_time_and_the_fit_has_one():
     scan = tactsim.scan(letters="IL")
-    spent, fit = page_performance.milliseconds("nearest", scan, readings=7, trials=2)
-    assert spent.shape == (7,)
-    assert (spent > 0).all()
-    assert fit > 0
+    timed = page_performance.in_turns("nearest", [scan, scan.of_letters("I")], readings=7, trials=2)
+    assert len(timed) == 2
+    for spent, fit in timed:
+        assert spent.shape == (7,)
+        assert (spent > 0).all()
+        assert fit > 0
 
 
 def test_many_letters_are_the_pressed_ones_and_stretched_copies():
