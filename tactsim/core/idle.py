@@ -36,12 +36,14 @@ _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of
 class Idle:
     """What idle taxels read. level: (taxels,) in the readings' unit. sign: (taxels,) 1, or -1 where readings fall
     under load. known: (taxels,) whether the level could be told. typical: the median rise of loaded taxels.
+    repeated: how many readings came again to the digit, and had no say.
     """
 
     level: FloatArray
     sign: FloatArray
     known: NDArray[np.bool_]
     typical: float
+    repeated: int = 0
 
     def rise(self, readings: ArrayLike) -> FloatArray:
         """Give how far readings (..., taxels) are above the idle level, towards the load."""
@@ -73,6 +75,8 @@ class Idle:
         which = "falls" if falling == len(self.sign) else f"falls in {falling} taxels" if falling else "rises"
         unknown = int((~self.known).sum())
         doubt = f"; of {unknown} taxels it cannot be told from the readings" if unknown else ""
+        again = f"; {self.repeated} readings that come again to the digit, as failed frames do, had no say"
+        doubt += again if self.repeated else ""
         return f"idle level {middle:.4g} ({low:.4g} to {high:.4g}), and under load it {which}{doubt}"
 
 
@@ -84,9 +88,9 @@ def find_idle(readings: ArrayLike) -> Idle:
     readings, and where most do, more load reads more. Readings that come again to the digit are of failed frames, or of
     an untouched pad, and are left out. Of fewer than fifty presses nothing is told: taxels rest at 0.
     """
-    values = np.asarray(readings, dtype=float)
-    rows, times = np.unique(values, axis=0, return_counts=True)
-    values = rows[times == 1] if (times == 1).sum() >= _FEWEST else values
+    every = np.asarray(readings, dtype=float)
+    rows, times = np.unique(every, axis=0, return_counts=True)
+    values = rows[times == 1] if (times == 1).sum() >= _FEWEST else every
     taxels = values.shape[1]
     if len(values) < _FEWEST:
         return Idle(np.zeros(taxels), np.ones(taxels), np.zeros(taxels, dtype=bool), 1.0)
@@ -116,7 +120,8 @@ def find_idle(readings: ArrayLike) -> Idle:
     known &= ~np.where(sign > 0, *fewer)
     above = values * sign - level
     loaded = above[:, felt][above[:, felt] > np.max(above[:, felt], axis=0) / 2]
-    return Idle(level * sign, sign, known, float(np.median(loaded)) if len(loaded) else 1.0)
+    typical = float(np.median(loaded)) if len(loaded) else 1.0
+    return Idle(level * sign, sign, known, typical, repeated=len(every) - len(values))
 
 
 def given_idle(level: ArrayLike, readings: FloatArray) -> Idle:

@@ -66,6 +66,8 @@ def test_frames_that_failed_have_no_say(share, failed, sign):
     assert np.array_equal(idle.sign, alone.sign)
     assert np.abs(idle.level - alone.level).max() < 0.1
     assert idle.off_zero
+    assert f"; {bad.sum()} readings that come again to the digit" in idle.describe()
+    assert "again" not in alone.describe()
 
 
 def test_dead_taxels_have_no_say():
