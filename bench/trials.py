@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from itertools import groupby
 from time import process_time
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeAlias
@@ -329,8 +330,8 @@ class _UnderWay:
         self._evaluations = np.empty(readings, dtype=np.int64)
         self._pose = np.empty((readings, len(first)))
 
-    def touch(self, choose: Callable[[FloatArray], int] = lambda candidates: 0) -> Touch:
-        """Take the next touch that gives a reading: `choose` gets sensor_in_robot (n, 3 or 7), and says which."""
+    def touch(self, choose: Callable[[FloatArray], int] | None = None) -> Touch:
+        """Take the next touch that gives a reading, or that `choose` names of sensor_in_robot (n, 3 or 7)."""
         k, touch = len(self._taken), None
         while touch is None:
             candidates = self._touches.offer(self._true_pose[k])
@@ -338,9 +339,11 @@ class _UnderWay:
                 raise InputError(
                     f"{self.readings} readings a trial: no other press of {self._task.truth!r} comes to rest"
                 )
-            start = process_time()
-            chosen = choose(candidates)
-            self._numbers["propose_s"][k] += process_time() - start
+            chosen = 0
+            if choose is not None:
+                start = process_time()
+                chosen = choose(candidates)
+                self._numbers["propose_s"][k] += process_time() - start
             touch = self._touches.take(chosen, self._true_pose[k])
         self._taken.append(touch)
         return touch
@@ -410,11 +413,9 @@ def run_trial(
     )  # fmt: skip
     estimator.reset(generator(seed, task, 1))
     before = _evaluations(estimator)
+    choose = partial(proposed, estimator) if explore == "information" else None
     for _ in range(readings):
-        if explore == "information":
-            touch = trial.touch(lambda candidates: proposed(estimator, candidates))
-        else:
-            touch = trial.touch()
+        touch = trial.touch(choose)
         start = process_time()
         estimator.update(touch.reading, touch.sensor_in_robot)
         updated = process_time()
@@ -436,6 +437,11 @@ def _run_together(estimator: Estimator, trials: Sequence[_UnderWay]) -> list[Tri
     estimates = estimator.estimates(seen, poses)
     seconds = (process_time() - start) / seen[..., 0].size
     evaluations = (_evaluations(estimator) - before) // seen[..., 0].size
+    if [len(of_trial) for of_trial in estimates] != [len(of_trial) for of_trial in touches]:
+        raise InputError(
+            f"the estimator {type(estimator).__name__} is broken: `estimates` gave no estimate for each of "
+            f"{len(touches[0])} readings of each of {len(touches)} trials"
+        )
     for trial, of_trial in zip(trials, estimates, strict=True):
         for estimate in of_trial:
             trial.record(estimator, estimate, seconds, 0.0, evaluations)

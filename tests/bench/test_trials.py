@@ -226,10 +226,21 @@ def test_trials_done_at_once_are_those_done_one_by_one(slip):
     together, alone = (run_trials(plan, one, tasks, progress=silent)[0] for one in made)
     assert made[0].calls == [(3, 7, 2)] * 2
     assert not hasattr(made[1], "calls")
+    assert not alone.propose_s.any()
     assert len(set(alone.label.ravel())) > 1
     for field in fields(Trials):
         if not field.name.endswith("_s"):
             np.testing.assert_array_equal(getattr(together, field.name), getattr(alone, field.name))
+
+
+def test_an_estimator_that_leaves_out_answers_of_many_trials_is_named():
+    class Short(Together):
+        def estimates(self, readings, sensor_in_robot):
+            return super().estimates(readings, sensor_in_robot)[1:]
+
+    plan = TrialPlan("short", {}, make_scan(), 7, seed=3)
+    with pytest.raises(InputError, match=r"Short is broken.*7 readings of each of 2 trials"):
+        run_trials(plan, Short(Options()), [OneTrial("A", 0), OneTrial("A", 1)], progress=silent)
 
 
 @pytest.mark.parametrize(
