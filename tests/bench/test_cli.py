@@ -140,7 +140,7 @@ def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     here("scan", "--letters", "IO", "--out", "known.npz")
     here("scan", "--letters", "O", "--seed", "3", "--out", "tested.npz")
     words = ["--train-scan", "known.npz", "--scan", "tested.npz", *SMALL]
-    assert "O (among I O): 1 trial each" in here("run", *words, "--out", "few").stdout
+    assert "O (among I O): 1 trial, " in here("run", *words, "--out", "few").stdout
     answer = json.loads(here("run", *words, "--trials", "2", "--json").stdout)
     assert answer["letters"] == ["O"]
     assert set(results.load(tmp_path / "few").trials.truth) == {"O"}

@@ -171,6 +171,21 @@ class ProposesAnything(Sound):
         return len(candidates)
 
 
+class ForgetsTogether(Sound):
+    """Answers many trials at once, each reading as if it were the first."""
+
+    draws = False
+
+    def estimates(self, readings, sensor_in_robot):
+        def alone(reading, pose):
+            self.reset(np.random.default_rng(0))
+            self.update(reading, pose)
+            return self.estimate()
+
+        trials = zip(readings, sensor_in_robot, strict=True)
+        return [[alone(*touch) for touch in zip(*trial, strict=True)] for trial in trials]
+
+
 class Peeks(Sound):
     def fit(self, scan):
         super().fit(scan)
@@ -235,6 +250,7 @@ BROKEN = [
     (Reaches, contract.a_pose_far_away_is_taken),
     (CountsNothing, contract.work_is_counted),
     (ProposesAnything, contract.a_proposal_is_a_candidate),
+    (ForgetsTogether, contract.many_trials_at_once_are_as_one_by_one),
     (Peeks, contract.readings_to_test_with_teach_nothing),
     (Adds, contract.any_pad_will_do_and_a_new_fit_replaces_the_old),
     (Doubts, contract.a_single_object_can_be_localised),
