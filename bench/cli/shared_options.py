@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from tactsim.core.errors import InputError, short
-from tactsim.core.finite import finite_number as finite_number
+
+
+def finite_number(text: str) -> float | None:
+    """Read a finite number; None if `text` is not one."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def number(help: str, *, least: float | None = None, most: float | None = None, **words: Any) -> Any:

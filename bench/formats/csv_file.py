@@ -14,7 +14,7 @@ from tactsim.core import InputError, Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
-from tactsim.core.finite import finite_number
+from tactsim.core.finite import LARGEST
 from tactsim.hardware.scans import PlacedPress, named_rows
 
 TABLES = (".csv", ".tsv", ".txt")
@@ -55,7 +55,7 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
                     f"{pad.taxels}; call them t0 to t{pad.taxels - 1}"
                 )
-        readings.append([finite_number(words.get(name, "")) for name in taxels])
+        readings.append([_number(words.get(name, "")) for name in taxels])
         if None in readings[-1]:
             name = taxels[readings[-1].index(None)]
             raise InputError(f"{where}: {name}: give a finite number, got {short(words.get(name, ''))}")
@@ -77,7 +77,7 @@ def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
     """Choose the columns of taxels, in the order of the taxels. Raises InputError where their numbers do not rise."""
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
-    names = [name for name in words if name not in _NO_TAXELS and finite_number(words[name]) is not None]
+    names = [name for name in words if name not in _NO_TAXELS and _number(words[name]) is not None]
     parts = [re.split(r"(\d*)$", name) for name in names]
     numbers = [int(part[1] or -1) for part in parts]
     if len({part[0] for part in parts}) == 1 and numbers != sorted(numbers):
@@ -85,3 +85,12 @@ def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
             f"{where}: columns {', '.join(names[:4])} ... are in no order; call the taxels t0, t1 ..."
         )
     return names
+
+
+def _number(word: str) -> float | None:
+    """Read a taxel's cell; None if it is no number that a reading may be."""
+    try:
+        number = float(word)
+    except ValueError:
+        return None
+    return number if abs(number) <= LARGEST else None

@@ -137,8 +137,8 @@ def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:
     """List the first fields of lines, words or numbers from 0 or 1 on, that come in turn: 0, 1, 2, 0, 1, 2 ..."""
     names = sorted(set(first))
     in_turn = 1 < len(names) <= len(first) // 5 and first[len(names) :] == first[: -len(names)]
-    counted = in_turn and (names[0] in (b"0", b"1") or not numbers_in(names[:1]))
-    return tuple(name.decode("utf-8", "replace") for name in names) if counted else ()
+    named = in_turn and (names[0] in (b"0", b"1") or not numbers_in(names[:1]))
+    return tuple(name.decode("utf-8", "replace") for name in names) if named else ()
 
 
 def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:

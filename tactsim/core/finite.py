@@ -30,12 +30,3 @@ def finite(values: ArrayLike, name: str) -> FloatArray:
             f"{name}{place} is {array[first]}; only finite numbers up to {LARGEST:g} are allowed"
         )
     return array
-
-
-def finite_number(text: str) -> float | None:
-    """Read a finite number; None if `text` is not one."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if np.isfinite(value) else None

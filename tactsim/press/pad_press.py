@@ -43,10 +43,9 @@ _SPREAD = (
 class Load(NamedTuple):
     """What a rigid body does to a pad, in the pad's frame.
 
-    force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm of the pad's
-    geoms. centre: (3,) mm,
-    where the force acts. axes: (2, 3), unit vectors about which the body turns until the pressure is centred
-    there, or 0. spreads: (2,) mm, how far the contact points reach from side to side of each axis.
+    force: N, normal. direction: (3,) from the pad towards the body. points: (k, 3) mm, where the pad's geoms are
+    touched. centre: (3,) mm, where the force acts. axes: (2, 3), unit vectors about which the body turns until the
+    pressure is centred there, or 0. spreads: (2,) mm, how far the contact points reach from side to side of each axis.
     """
 
     force: float

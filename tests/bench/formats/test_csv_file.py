@@ -93,6 +93,7 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,7,6,5,4,3"], "line 5: .*more columns than the title"),
         ([TITLE.replace("t1", "t0"), *ROWS], "two columns are called 't0'"),
         ([TITLE, *ROWS, "B,test,0,0,-180,,2,9,8,7,6,5,4"], "line 5: theta_rad: -180 rad are .* theta_deg"),
+        ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,1e300,7,6,5,4"], "line 5: t1: give a finite number, got '1e300'"),
         ([TITLE, *ROWS, 'B,test,0,0,-3,,2,9,"1,234",7,6,5,4'], "line 5: t1: give a finite number, got '1,234'"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,,9,8,7,6,5,4"], "line 5: either all rows have a number in the column press"),
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p1,p10,p2,p3,p4,p5"), *ROWS], "line 2: columns p1, p10, p2, .* no order"),
