@@ -189,7 +189,8 @@ def _stays(folder: Path) -> bool:
 
 def _move_up(filled: Path, target: Path) -> None:
     """Move all that a folder in `target` holds into `target`, or nothing. Raises OSError."""
-    if any(entry != filled for entry in target.iterdir()):
+    # By names: from Python 3.12 on a temporary folder's path is absolute.
+    if any(entry.name != filled.name for entry in target.iterdir()):
         raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
     moved: list[str] = []
     try:
