@@ -29,10 +29,12 @@ _OWN = {
     "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "mask-type": "luminance",
     "filter": "none", "transform": "none", "transform-origin": "0 0", "transform-box": "view-box",
     "translate": "none", "rotate": "none", "scale": "none", "overflow": "hidden", "stop-color": "black",
-    "stop-opacity": "1",
+    "stop-opacity": "1", "mix-blend-mode": "normal",
 }  # fmt: skip
 # Lengths are properties too, since SVG 2.
 _PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
+# What a transform is in an attribute: a number there has no unit, unlike in a style.
+_TRANSFORM = re.compile(r"(\s*(matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)[\s,]*)*")
 # Media for which rules count, and those for which they do not: a drawing is read as on a bright screen.
 _SHOWN = re.compile(r"(only )?(all|screen)?( and )?(\(prefers-color-scheme: ?light\))?")
 _NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-scheme: ?dark\)).*|not all")
@@ -63,7 +65,8 @@ def declarations(root: Element) -> dict[Element, Style]:
         own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", ""))))
         values = {name: value.strip() for name, value in element.attrib.items()}
         for name in _PROPERTIES & values.keys():
-            if "var(" not in values[name] and not _is_valid(name, values[name]):
+            wrong = name == "transform" and not _TRANSFORM.fullmatch(values[name])
+            if "var(" not in values[name] and (wrong or not _is_valid(name, values[name])):
                 del values[name]
         for important in (False, True):
             values |= {name: value for name, value, strong in rules + own if strong is important}

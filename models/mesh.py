@@ -16,7 +16,7 @@ from manifold3d import Error, Manifold, Mesh64, OpType, triangulate
 from numpy.typing import NDArray
 from trimesh import Trimesh
 
-from tactsim.core.documents import parse_json
+from tactsim.core.documents import encoding_of, parse_json
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.shapes import UNITS
@@ -28,7 +28,7 @@ LEAST_THICKNESS = 0.02  # mm
 # Parts of a slicer's projects, and of extensions of 3MF, that are no part of the solid or change it.
 _NO_SOLID = re.compile(
     rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?(?:[Bb]lock|[Ee]nforc)er)\b"
-    rb'|<(?:\w+:)?(beamlattice|booleanshape)\b|\btype="(support)"'
+    rb'|<(?:\w+:)?(beamlattice|booleanshape)\b|\b(type="(?:(?:solid)?support|surface|other)"|printable="0")'
 )
 GAP = 2e-5  # share of a mesh's size between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
@@ -62,7 +62,7 @@ def _bodies(mesh: Trimesh) -> list[tuple[Manifold, bool]]:
     bodies = []
     for part in _closed_parts(mesh):
         trimesh.repair.fix_winding(part)
-        sign = bool(part.volume > 0)
+        sign = bool(np.linalg.det(part.triangles).sum() > 0)
         if not sign:
             part.invert()
         solid = _manifold(part)
@@ -139,6 +139,8 @@ def _load(content: bytes, kind: str) -> Trimesh:
             warnings.simplefilter("ignore")
             # NumPy's, of numbers that end in something else.
             warnings.simplefilter("error", DeprecationWarning)
+            if encoding_of(content) == "utf-16" and (kind != "stl" or _binary_stl_faces(content) is None):
+                content = content.decode("utf-16").encode("utf-8-sig")
             _check_claims(content, kind)
             if kind in ("obj", "ply"):
                 corners, polygons = (_obj if kind == "obj" else _ply)(content)
@@ -146,7 +148,8 @@ def _load(content: bytes, kind: str) -> Trimesh:
             else:
                 content = {"stl": _whole_stl, "3mf": _one_model}.get(kind, bytes)(content)
                 # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
-                scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False)
+                # Its postprocessing makes bodies of one name in a 3MF one.
+                scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False, postprocess=False)
                 mesh = scene.to_mesh()
                 if kind in ("glb", "gltf"):
                     mesh.apply_transform(GLTF_TO_MM)
@@ -175,12 +178,13 @@ def _text(content: bytes) -> str:
 
 
 def _whole_stl(content: bytes) -> bytes:
-    """Cut off what follows a binary STL's facets; give a text STL plain ends of lines, no names and no normals."""
+    """Cut off what follows a binary STL's facets; give a text STL a line for each corner, no names and no normals."""
     faces = _binary_stl_faces(content)
     if faces is not None:
         return content[: 84 + 50 * faces]
-    text = re.sub(r"(?i)\b(facet\s+normal)(?:[^\S\n]+\S+){3}", r"\1 0 0 0", _text(content))
-    return re.sub(r"(?im)^\s*(end)?solid\b.*$", r"\1solid", text).encode()
+    text = re.sub(r"(?i)\b(end)?solid\b(?:(?!facet\s+normal)[^\n])*", r"\1solid\n", _text(content))
+    text = re.sub(r"(?i)\b(facet\s+normal)(?:[^\S\n]+\S+){3}", r"\1 0 0 0\n", text)
+    return re.sub(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", r"\nvertex \1 \2 \3\n", text).encode()
 
 
 def _check_archive(archive: zipfile.ZipFile) -> None:
@@ -202,7 +206,11 @@ def _one_model(content: bytes) -> bytes:
         mains = [name for name in names if name.lower() == "3d/3dmodel.model"] or names
         if len(mains) != 1:
             raise InputError("it holds no 3D/3dmodel.model")
-        if len(names) == 1 and "3d/3dmodel.model" in names[0].lower():
+        text = archive.read(mains[0]).replace(b"\0", b"")  # in UTF-16 letters are parted
+        if not re.search(rb"<(\w+:)?item\b", text):
+            raise InputError("its build is empty: place an object in it, and export it again")
+        # Of instances with one part number trimesh keeps the last.
+        if len(names) == 1 and "3d/3dmodel.model" in names[0].lower() and b"partnumber" not in text:
             return content
         models = {"/" + name.lstrip("/"): ElementTree.fromstring(archive.read(name)) for name in names}
     main = models["/" + mains[0].lstrip("/")]
@@ -213,6 +221,7 @@ def _one_model(content: bytes) -> bytes:
                     (element.attrib.pop(name) for name in [*element.keys()] if name.endswith("}path")), path
                 )
                 element.set(key, f"{where} {element.get(key)}")
+                element.attrib.pop("partnumber", None)
         if model is not main:
             main.find("{*}resources").extend(model.iterfind(".//{*}object"))  # type: ignore[union-attr]
     packed = BytesIO()
@@ -240,7 +249,12 @@ def _ply(content: bytes) -> tuple[FloatArray, list[list[int]]]:
 
     trimesh fans polygons, and reads no binary files in which they have different numbers of corners.
     """
-    head, body = re.fullmatch(rb"ply\b(.*?)\bend_header[ \t]*(?:\r\n|\r|\n)(.*)", content, re.DOTALL).groups()  # type: ignore[union-attr]
+    parts = re.fullmatch(
+        rb"(?:\xef\xbb\xbf)?ply\b(.*?)\bend_header[ \t]*(?:\r\n|\r|\n)(.*)", content, re.DOTALL
+    )
+    if parts is None:
+        raise InputError("not a PLY file: it has no head from 'ply' to 'end_header'")
+    head, body = parts.groups()
     elements: list[tuple[str, int, list[Any]]] = []  # name, count, (property, type of its count, type)
     order = ""
 
@@ -325,14 +339,12 @@ def _check_claims(content: bytes, kind: str) -> None:
     if kind == "stl":
         faces = _binary_stl_faces(content)
         if faces is None:
-            text = content.lower()
-            if not text.removeprefix(codecs.BOM_UTF8).lstrip().startswith(b"solid"):
+            text = content.removeprefix(codecs.BOM_UTF8).lower()
+            if not text.lstrip().startswith(b"solid") or b"endsolid" not in text:
                 raise InputError(
-                    f"not a whole STL file: it does not begin with 'solid', and its {len(content):,} bytes are not "
-                    "those that a binary header claims"
+                    "not a whole STL file: it is no text from 'solid' to 'endsolid', and its "
+                    f"{len(content):,} bytes are not those that a binary header claims"
                 )
-            if b"endsolid" not in text:
-                raise InputError("not a whole STL file: it has no 'endsolid'")
             faces = text.count(b"endfacet")
     elif kind == "obj":
         faces = len(re.findall(rb"[\r\n]f\s", content))
@@ -364,7 +376,8 @@ def _gltf_faces(content: bytes, kind: str) -> int:
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     tree = parse_json(content, "its JSON")
     accessors = tree.get("accessors", [])
-    for name in tree.get("extensionsRequired", []):
+    instances = {"EXT_mesh_gpu_instancing"} & {*tree.get("extensionsUsed", [])}
+    for name in [*tree.get("extensionsRequired", []), *instances]:
         if not name.startswith(("KHR_materials", "KHR_texture")):
             raise InputError(f"it needs the glTF extension {name!r}; export it without")
     if any(part.get("mode") == 6 for mesh in tree.get("meshes", []) for part in mesh["primitives"]):

@@ -31,6 +31,7 @@ MOST_TRACED = 20_000  # corners before straightening, whose time grows with the 
 UPRIGHT = 1e-6  # share of its volume by which a mesh may differ from its face raised
 LARGEST_FILE = 64 << 20  # bytes
 ENDINGS = (".stl", ".obj", ".ply", ".3mf", ".glb", ".gltf")
+DRAWINGS = (".svg", ".svgz")
 UNITS = (
     "lengths are mm in .stl, .obj and .ply, metres in .glb and .gltf, and as the file says in .3mf and .svg"
 )
@@ -43,8 +44,8 @@ def shape(
 
     path: a mesh or a drawing. A mesh is watertight, in mm and z up (.stl, .obj, .ply, .3mf) or in metres and y up
     (.glb, .gltf); its upper side is pressed. A flat face with upright sides becomes a letter, anything else a shape
-    with relief. Of a drawing (.svg) what a renderer fills is pressed, as it is seen, raised like a letter; what is
-    left out of it is logged.
+    with relief. Of a drawing (.svg, .svgz) what a renderer fills is pressed, as it is seen, raised like a letter; what
+    is left out of it is logged.
     height: thickness in mm; by default the mesh's own, or HEIGHT for a drawing. name: what a scan calls the
     shape, by default the file's name without its ending. rounding: radius (mm) of the face's edge.
 
@@ -57,13 +58,13 @@ def shape(
     if not (name.isprintable() and 0 < len(name) <= 40):
         raise InputError(f"{name!r} is no name for a shape; give one of 1 to 40 printable characters")
     suffix = path.suffix.lower()
-    if suffix not in (*ENDINGS, ".svg"):
+    if suffix not in (*ENDINGS, *DRAWINGS):
         raise InputError(
             f"{path}: shapes are read from {', '.join(ENDINGS)} and .svg files, not {suffix or 'this'}"
         )
     content = read_file(path)
     try:
-        if suffix == ".svg":
+        if suffix in DRAWINGS:
             from tactsim.models.svg import filled_region
 
             region, remarks = filled_region(content)

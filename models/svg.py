@@ -9,10 +9,14 @@ do not give its outlines.
 
 from __future__ import annotations
 
+import gzip
 import math
 import re
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec, module_from_spec
+from io import BytesIO
 from itertools import groupby
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -21,7 +25,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import tinycss2
 from manifold3d import CrossSection, FillRule, OpType
-from svg.path import Linear, Move, parse_path, parser
+from svg.path import Linear, Move
 
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
@@ -48,13 +52,19 @@ _UNITS = {
 }  # fmt: skip
 _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
 _TEXT = ("text", "tspan", "textPath", "a")
-_FOREIGN = {"image": "a picture", "foreignObject": "foreign content"} | dict.fromkeys(_TEXT, "text")
+_FOREIGN = dict.fromkeys((*_TEXT, "flowRoot"), "text") | {
+    "image": "a picture",
+    "foreignObject": "foreign content",
+}
 _DRAWN = {f"{SVG}{tag}" for tag in (*_SHAPES, *_FOREIGN, "g", "switch", "svg", "use")}
 _HIDDEN = ("hidden", "collapse")
 # What svg.path, tinycss2 and the arithmetic raise on outlines, styles and lengths that are cut off or wrong.
 _DAMAGED = (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
-# A radius has no sign (SVG 2, section 9.5.1).
-parser.FIELD_POPPERS["u"] = lambda text: abs(parser.pop_number(text))  # type: ignore[assignment]
+# A radius has no sign (SVG 2, section 9.5.1). The parser is a copy: others in this process keep theirs as it is.
+_spec = find_spec("svg.path.parser")
+_parser: Any = module_from_spec(_spec)  # type: ignore[arg-type]
+_spec.loader.exec_module(_parser)  # type: ignore[union-attr]
+_parser.FIELD_POPPERS["u"] = lambda text: abs(_parser.pop_number(text))
 
 
 class Drawing(NamedTuple):
@@ -65,6 +75,8 @@ class Drawing(NamedTuple):
 
 
 class _Fill(NamedTuple):
+    """What a shape fills, which may be nothing, and whether it has a stroke."""
+
     region: CrossSection
     paint: Paint
     stroked: bool
@@ -76,8 +88,8 @@ class _Context:
 
     matrix: (2, 3), from user units to mm, y upwards. view: width and height of the viewport, user units; None if
     unknown. clip: what of it is seen. alpha: the opacity of the groups around it. hazard: what in them may change the
-    outline and is not understood. clones: the elements that are being cloned. size: the width and height that a clone
-    of a page gets.
+    outline and is not understood. blends: whether they mix with what lies below. clones: the elements that are being
+    cloned. size: the width and height that a clone of a page gets.
     """
 
     style: Style
@@ -86,6 +98,7 @@ class _Context:
     clip: CrossSection | None = None
     alpha: float = 1.0
     hazard: str = ""
+    blends: bool = False
     clones: tuple[Element, ...] = ()
     size: Style = field(default_factory=dict)
 
@@ -105,13 +118,13 @@ def filled_region(content: bytes) -> Drawing:
     Raises InputError if the content is not SVG, fills nothing that is seen, or holds what changes the outline and is
     not read: text, pictures, other masks, filters, patterns, markers.
     """
-    if len(content) > LARGEST_FILE:
-        raise InputError(f"the drawing has {len(content):,} bytes; the most is {LARGEST_FILE:,}")
-    if content.startswith(b"\x1f\x8b"):
-        raise InputError("it is compressed (.svgz): save it as plain SVG")
     try:
+        if content.startswith(b"\x1f\x8b"):  # .svgz
+            content = gzip.GzipFile(fileobj=BytesIO(content)).read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise InputError(f"the drawing has more than {LARGEST_FILE:,} bytes: simplify it")
         root = ElementTree.fromstring(content)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
+    except (EOFError, OSError, zlib.error, ElementTree.ParseError, LookupError, ValueError) as error:
         raise InputError(f"not an SVG drawing: {error}") from error
     if root.tag != f"{SVG}svg":
         raise InputError(f'its root is <{short(root.tag)}>, not <svg xmlns="{SVG[1:-1]}">')
@@ -135,7 +148,7 @@ class _Reader:
             element.attrib["id"]: element for element in reversed([*root.iter()]) if "id" in element.attrib
         }
         self.parents = {child: parent for parent in root.iter() for child in parent}
-        self.strokes = self.chords = self.elements = 0
+        self.chords = self.elements = 0
 
     def read(self) -> Drawing:
         matrix, view, size = _page(self.declared[self.root])
@@ -144,7 +157,9 @@ class _Reader:
         if size is not None:
             self.flattening = min(FLATTENING * max(size), LARGEST_FLATTENING)
             page = CrossSection.square(size).mirror((0, 1))
-        fills = list(self._walk([(self.root, _Context({}, matrix, view))], self._fill))
+        drawn = list(self._walk([(self.root, _Context({}, matrix, view))], self._fill))
+        strokes = sum(part.stroked for part in drawn)
+        fills = [part for part in drawn if not part.region.is_empty()]
         pages, remarks = 0, []
         if fills and page is not None:
             area = _united(fills).area()
@@ -156,17 +171,21 @@ class _Reader:
                 remarks.append(f"{area - inside:.4g} mm^2 that lie outside the page are left out")
             whole = [fill.region.area() > (1 - WHOLE_PAGE) * page.area() for fill in fills]
             pages = [*whole[:-1], False].index(False)
-            if all(whole) and self.strokes > sum(fill.stroked for fill in fills):
+            if all(whole) and strokes > sum(fill.stroked for fill in fills):
                 fills = []  # a page with strokes on it
         if not fills:
-            strokes = f", only strokes ({self.strokes:,}): convert them to paths"
-            why = strokes if self.strokes else " that is seen"
+            why = f", only strokes ({strokes:,}): convert them to paths" if strokes else " that is seen"
             raise InputError(f"there is no filled outline in the drawing{why}")
-        if self.strokes:
-            remarks.insert(0, f"{self.strokes:,} strokes are left out: only what is filled counts")
+        if strokes:
+            remarks.insert(0, f"{strokes:,} strokes are left out: only what is filled counts")
         if pages:
             remarks.append("a fill of the whole page is left out: it is the page and not the shape")
-        return Drawing(_seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None, remarks), remarks)
+        region = _seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None, remarks)
+        style = computed({"transform-origin": "50% 50%"} | self.declared[self.root], {})
+        if style["transform"] != "none":  # of the page as a whole, in pixels about its middle
+            turn = _transform(style, None if size is None else tuple(size / PIXEL))
+            region = region.transform(np.diag([1.0, -1.0]) @ turn @ np.diag([1.0, -1.0, PIXEL]))
+        return Drawing(region, remarks)
 
     def _walk(
         self, elements: list[tuple[Element, _Context]], leaf: Callable[[Element, _Context], Any]
@@ -186,8 +205,9 @@ class _Reader:
             style = computed(declared, around.style)
             if style["display"] == "none" and not symbol:
                 continue
-            here = replace(around, style=style, alpha=around.alpha * share(style["opacity"]))
-            if style["transform"] != "none" and not symbol:
+            blends = around.blends or style["mix-blend-mode"] != "normal"
+            here = replace(around, style=style, blends=blends, alpha=around.alpha * share(style["opacity"]))
+            if style["transform"] != "none" and not symbol and element is not self.root:
                 if style["transform-box"] != "view-box":
                     here = replace(here, hazard="a transform about the box of an element")
                 here = replace(here, matrix=_joined(here.matrix, _transform(style, here.view)))
@@ -214,22 +234,23 @@ class _Reader:
                 stack += [(child, here) for child in reversed(element)]
 
     def _fill(self, element: Element, here: _Context) -> Iterator[_Fill]:
-        """Give the region of a shape that is filled, and count its stroke."""
+        """Give the region of a shape that is filled, and whether it has a stroke."""
         style = here.style
         if style["visibility"] in _HIDDEN:
             return
         wide = not re.fullmatch(r"0*\.?0*(px)?", style["stroke-width"])
         stroked = wide and self._paint("stroke", here) is not None
-        self.strokes += stroked
         fill = self._paint("fill", here)
         markers = {url_in(style[key])[0] for key in ("marker", "marker-start", "marker-mid", "marker-end")}
         if markers & self.named.keys() and element.tag.removeprefix(SVG) in _MARKED:
             raise InputError("it draws markers (arrow heads) at ends of an outline: convert them to paths")
-        if fill is None or element.tag == f"{SVG}line":
-            return
-        region = self._region(element, here, style["fill-rule"])
-        if not region.is_empty():
-            yield _Fill(region, fill, stroked)
+        region = CrossSection()
+        if fill is not None and element.tag != f"{SVG}line":
+            if here.blends and min(fill.rgb or (0,)) >= WHITE:
+                here = replace(here, hazard="white that is mixed with what lies below it (mix-blend-mode)")
+            region = self._region(element, here, style["fill-rule"])
+        if stroked or not region.is_empty():
+            yield _Fill(region, fill or Paint(None, 0.0), stroked)
 
     def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
         """Flatten a shape's outlines, each of which is closed, and give the region within, clipped, mm."""
@@ -256,11 +277,11 @@ class _Reader:
         style = here.style
         link, text = url_in(style[key])
         paint = color(text, style)
-        if link is not None:
-            server = self.named.get(link)
-            if server is not None and server.tag == f"{SVG}pattern" and key == "fill":
+        if link in self.named:
+            server = self.named[link]
+            if server.tag == f"{SVG}pattern" and key == "fill":
                 raise InputError("it fills an outline with a pattern: give it one colour")
-            if server is not None and server.tag in _GRADIENTS:
+            if server.tag in _GRADIENTS:
                 paint = self._gradient(server)
         alpha = here.alpha * share(style[f"{key}-opacity"])
         if paint is None or paint.alpha * alpha == 0:
@@ -320,13 +341,11 @@ class _Reader:
 
     def _mask_region(self, mask: Element, inner: _Context) -> CrossSection | None:
         """Give what a mask shows: where it is white, or filled if its alpha counts; None if it shows a part only."""
-        strokes, self.strokes = self.strokes, 0
-        fills = list(self._walk([(child, inner) for child in mask], self._fill))
-        strokes, self.strokes = self.strokes, strokes
         region = CrossSection()
-        for fill in fills:
+        for fill in self._walk([(child, inner) for child in mask], self._fill):
             shows = inner.style["mask-type"] == "alpha" or min(fill.paint.rgb or (0,)) >= WHITE
-            if fill.paint.alpha < OPAQUE or not (shows or max(fill.paint.rgb or (255,)) <= 255 - WHITE):
+            whole = fill.paint.alpha >= OPAQUE and not fill.stroked
+            if not (whole and (shows or max(fill.paint.rgb or (255,)) <= 255 - WHITE)):
                 return None
             region = region + fill.region if shows else region - fill.region
         declared = {"x": "-10%", "y": "-10%", "width": "120%", "height": "120%"} | self.declared[mask]
@@ -335,8 +354,9 @@ class _Reader:
             region ^= CrossSection.square((width, height)).translate((x, y)).transform(inner.matrix)
         else:
             x, y, width, height = _rectangle(declared, (1.0, 1.0))
-            strokes += max(x, y) > 0 or min(x + width, y + height) < 1
-        return None if strokes else region
+            if max(x, y) > 0 or min(x + width, y + height) < 1:
+                return None
+        return region
 
     def _may_clip(self, child: Element) -> bool:
         """Tell whether a child of a clip path is a shape, a text or a clone of one: others do not count."""
@@ -376,7 +396,8 @@ class _Reader:
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
+        own = [element.text or "", *(child.tail or "" for child in element)]
+        text = "".join(element.itertext() if tag == "flowRoot" else own).strip()
         content = {"image": _link(element.attrib), "foreignObject": len(element)}.get(tag) or text
         unseen = tag in _TEXT and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0
@@ -599,7 +620,7 @@ def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> s
 def _subpaths(data: str) -> list[list[Any]]:
     """Part path data into runs of segments that start with a move and go on."""
     runs: list[list[Any]] = []
-    for segment in parse_path(data):
+    for segment in _parser.parse_path(data):
         if isinstance(segment, Move):
             runs.append([])
         elif not runs:
@@ -617,9 +638,7 @@ def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> Float
             # A chord is off by its length^2 curvature / 8, and second differences are what a curve bends.
             bends = np.diff(_points_along(segment, _SAMPLES, matrix), n=2, axis=0)
             count = _SAMPLES * math.sqrt(float(np.hypot(*bends.T).max()) / (8 * flattening))
-        if count > MOST_CHORDS:
-            raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
-        corners.append(_points_along(segment, max(math.ceil(count), 1), matrix)[1:])
+        corners.append(_points_along(segment, max(math.ceil(min(count, MOST_CHORDS + 1)), 1), matrix)[1:])
     flat = np.concatenate([_points_along(segments[0], 1, matrix)[1:], *corners])
     if not np.isfinite(flat).all() or np.abs(flat).max() > LARGEST:
         raise InputError(f"a corner lies more than {LARGEST:g} mm from the drawing's origin")

@@ -87,22 +87,15 @@ def _key(
     from manifold3d import Manifold
 
     head = disc(0, 0, bow / 2, AROUND) - disc(-0.22 * bow, 0, 0.16 * bow, 24)
-    start, end = 0.4 * bow, bow / 2 + blade
-    outline = polygon(
-        (start, -width / 2),
-        (end - width / 2, -width / 2),
-        (end, 0),
-        (end - width / 2, width / 2),
-        (start, width / 2),
-    )
+    start, end, half = 0.4 * bow, bow / 2 + blade, width / 2
+    outline = polygon((start, -half), (end - half, -half), (end, 0), (end - half, half), (start, half))
     step = (blade - width) / len(cuts)
     for place, depth in enumerate(cuts):
         x = bow / 2 + 3 + (place + 0.5) * step
-        top = width / 2 + 1
+        low, top = half - depth, half + 1
         outline -= polygon(
-            (x - 0.2 * step, width / 2 - depth), (x + 0.2 * step, width / 2 - depth), (x + 0.5 * step, top),
-            (x - 0.5 * step, top),
-        )  # fmt: skip
+            (x - 0.2 * step, low), (x + 0.2 * step, low), (x + 0.5 * step, top), (x - 0.5 * step, top)
+        )
     flat = (head + outline).extrude(thickness)
     groove = Manifold.cube((blade + 2, 0.22 * width, 0.4 * thickness))
     return flat - groove.translate((bow / 2 + 1, -0.34 * width, 0.6 * thickness + 1e-3))
@@ -121,14 +114,9 @@ def _gear(
 ) -> Manifold:
     """Make a spur gear with straight flanks and a round bore."""
     points: list[Point] = []
-    pitch = 2 * math.pi / teeth
+    pitch, root, tip = 2 * math.pi / teeth, outer / 2 - depth, outer / 2
     for tooth in range(teeth):
-        for share, radius in (
-            (-0.29, outer / 2 - depth),
-            (-0.14, outer / 2),
-            (0.14, outer / 2),
-            (0.29, outer / 2 - depth),
-        ):
+        for share, radius in ((-0.29, root), (-0.14, tip), (0.14, tip), (0.29, root)):
             angle = (tooth + share) * pitch
             points.append((radius * math.cos(angle), radius * math.sin(angle)))
     return (polygon(*points) - disc(0, 0, bore / 2, AROUND)).extrude(thickness)
@@ -139,16 +127,8 @@ def _spool(
 ) -> Manifold:
     """Make a spool for thread: two flanges, a core and a bore."""
     f, c, b, half = flange / 2, core / 2, bore / 2, length / 2
-    return _revolved(
-        (b, -half),
-        (f, -half),
-        (f, rim - half),
-        (c, rim - half),
-        (c, half - rim),
-        (f, half - rim),
-        (f, half),
-        (b, half),
-    )
+    upper = [(c, half - rim), (f, half - rim), (f, half), (b, half)]
+    return _revolved(*((x, -height) for x, height in reversed(upper)), *upper)
 
 
 def _bracket(
@@ -163,13 +143,8 @@ def _bracket(
     from manifold3d import Manifold
 
     plates = Manifold.cube((base, width, thickness)) + Manifold.cube((thickness, width, upright))
-    side = polygon(
-        (0, 0),
-        (thickness + rib, 0),
-        (thickness + rib, thickness),
-        (thickness, thickness + rib),
-        (0, thickness + rib),
-    )
+    reach = thickness + rib
+    side = polygon((0, 0), (reach, 0), (reach, thickness), (thickness, reach), (0, reach))
     # An outline lies in the xy plane: turned by 90 degrees about x it stands along y.
     web = side.extrude(4).rotate((90, 0, 0)).translate((0, width / 2 + 2, 0))
     drill = Manifold.cylinder(thickness + 2, hole / 2, circular_segments=36).translate(
@@ -229,19 +204,9 @@ def _tetrapod(leg: float = 23, root: float = 13, tip: float = 9) -> Manifold:
 
 
 _FAMILIES: Mapping[str, Callable[..., Manifold]] = {
-    "bolt": _bolt,
-    "nut": _nut,
-    "key": _key,
-    "mug": _mug,
-    "gear": _gear,
-    "spool": _spool,
-    "bracket": _bracket,
-    "egg": _egg,
-    "cone": _cone,
-    "star-knob": _star_knob,
-    "ring": _ring,
-    "tetrapod": _tetrapod,
-}
+    "bolt": _bolt, "nut": _nut, "key": _key, "mug": _mug, "gear": _gear, "spool": _spool, "bracket": _bracket,
+    "egg": _egg, "cone": _cone, "star-knob": _star_knob, "ring": _ring, "tetrapod": _tetrapod,
+}  # fmt: skip
 
 _VARIANTS: Mapping[str, tuple[dict[str, object], ...]] = {
     "bolt": (

@@ -106,11 +106,11 @@ NUMBERS = ["{:.9g}", "{:.8e}", "{:+.7f}", "{:.6E}"]
 ENDS = ["\n", "\r\n", "\r", "\n\n"]
 
 
-def as_text(draw, lines):
+def as_text(draw, lines, ends=ENDS):
     """Write lines as one program or another does."""
-    text = draw(st.sampled_from(ENDS)).join(lines) + draw(st.sampled_from(["", "\n", "\r\n\n"]))
+    text = draw(st.sampled_from(ends)).join(lines) + draw(st.sampled_from(["", "\n", "\r\n\n"]))
     text = text.replace(" ", draw(st.sampled_from([" ", "\t", "  "])))
-    return text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "latin-1"])))
+    return text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "latin-1", "utf-16"])))
 
 
 def text_stl(draw, vertices, polygons):
@@ -125,7 +125,7 @@ def text_stl(draw, vertices, polygons):
     lines.append(f"endsolid{name}")
     if draw(st.booleans()):
         lines = [line.upper() for line in lines]
-    return as_text(draw, lines)
+    return as_text(draw, lines, [*ENDS, " "])
 
 
 def obj(draw, vertices, polygons):
@@ -153,7 +153,7 @@ def ply(draw, vertices, polygons):
     if kind == "ascii":
         lines = [" ".join(map(repr, vertex)) for vertex in vertices.tolist()]
         lines += [" ".join(map(str, (len(face), *face))) for face in polygons]
-        return (end.join(head + lines) + end).encode()
+        return (end.join(head + lines) + end).encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16"])))
     order = "<" if "little" in kind else ">"
     faces = b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in polygons)
     return (end.join(head) + end).encode() + vertices.astype(f"{order}f8").tobytes() + faces

@@ -88,17 +88,35 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("Metadata/model_settings.config", '<part id="1" subtype="modifier_part"/>')
     assert "a modifier_part beside the solid" in refusal(path)
-    plain = wrapped % (namespaces, objects[0], b'<item objectid="1"/>')
+    item = b'<item objectid="1"/>'
+    plain = wrapped % (namespaces, objects[0], item)
+    beside = b'<item objectid="1" partnumber="7" transform="1 0 0 0 1 0 0 0 1 %d 0 0"/>'
+    # As SolidWorks names bodies and the parts around them.
+    bodies = [re.sub(rb'name="[^"]*"', b'name="Body"', part) for part in objects]
+    bodies[1] = bodies[1].replace(b'id="1"', b'id="2"')
+    bodies += [
+        b'<object id="%d3" name="Part(%d)"><components><component objectid="%d" '
+        b'transform="1 0 0 0 1 0 0 0 1 %d 0 0"/></components></object>' % (place, place, place, 30 * place)
+        for place in (1, 2)
+    ]
     for name, content, expected in (
         ("3D/3dmodel.model", plain.replace(b"</mesh>", b"<b:beamlattice/></mesh>"), "a beamlattice"),
-        ("3D/3dmodel.model", plain.replace(b"<object ", b'<object type="support" '), "a support"),
+        ("3D/3dmodel.model", plain.replace(b"<object ", b'<object type="support" '), 'a type="support"'),
+        ("3D/3dmodel.model", plain.replace(item, item[:-2] + b' printable="0"/>'), 'a printable="0"'),
+        ("3D/3dmodel.model", plain.replace(item, b""), "its build is empty"),
+        ("3D/3dmodel.model", plain.replace(item, beside % 0 + beside % 30), 400),
+        (
+            "3D/3dmodel.model",
+            wrapped % (namespaces, b"".join(bodies), b'<item objectid="13"/><item objectid="23"/>'),
+            236,
+        ),
         ("3D/none", plain, "no 3D/3dmodel.model"),
-        ("3D/main.model", plain, None),
+        ("3D/main.model", plain, 200),
     ):
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr(name, content)
-        if expected is None:
-            assert models.shape(path).area == pytest.approx(200, rel=1e-4)
+        if isinstance(expected, int):
+            assert models.shape(path).area == pytest.approx(expected, rel=1e-4)
         else:
             assert expected in refusal(path)
 
@@ -310,6 +328,7 @@ def glb(tree):
     [
         ({"buffers": [{"byteLength": 36, "uri": "../../etc/passwd"}]}, "other files"),
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco"),
+        ({"extensionsUsed": ["EXT_mesh_gpu_instancing"]}, "EXT_mesh_gpu_instancing"),
         ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "faces; the most"),
         ({"accessors": [{"componentType": 5126, "count": 10**5, "type": "VEC3"}]}, "not a whole GLB"),
         ({"accessors": [{"count": -5}]}, "not a whole GLB"),
