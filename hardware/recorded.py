@@ -6,6 +6,7 @@ import gzip
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from io import BufferedReader, TextIOWrapper
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,18 @@ from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
-from tactsim.hardware.device import UNREAD, Device
+from tactsim.hardware.device import Device
 from tactsim.hardware.recording import Kind, Record, RecordReader, Whole, is_recording
 from tactsim.hardware.stream import Stream
+
+_HALF_DAY = 43_200  # s, after which a clock of twelve hours starts again
+# A time of day before a line, as terminals note it: `12:00:01.123 -> `, `[2026-11-27 12:00:01]`, `Nov 27 12:00:01`.
+_STAMP = re.compile(
+    r"[\[(\s\"]*(?:[\w/.-]{1,12}[ T]){0,4}(\d?\d):(\d\d):(\d\d(?:[.:]\d{1,9}|,\d{3}(?=[ \]]))?)"
+    r"(?:Z| ?[AaPp][Mm])?(?: \d{4}(?=\]))?[\])]?\s*(?:->|>)?"
+)
 
 
 class Replay(Source):
@@ -169,73 +178,112 @@ class Replay(Source):
 
 
 class CsvReplay(Source):
-    """The readings of a recording of the vendor's tool. Their host time is the device's: there is no other."""
+    """The readings of a text: of the vendor's tool, or of lines as the device printed them and a terminal kept them.
 
-    def __init__(self, path: str | Path, device: Device) -> None:
+    Their host time is the device's, or where a time of day stands before lines, the terminal's.
+    """
+
+    def __init__(self, path: str | Path, device: Device, log: Log | None = None) -> None:
         """Open the file, which may be packed by gzip. Raises InputError if it has another number of taxels."""
-        self.path, self.device = Path(path), device
+        self.path, self.device, self._log = Path(path), device, log
         self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
-        if not isinstance(device.codec, CsvFormat):
-            raise SourceError(f"{self.path}: reading it needs a device file with the codec kind 'pps-csv'")
         if len(device.part) > 1:
             raise SourceError(f"{self.path}: {device.name!r} has {len(device.part)} parts; a CSV has one")
-        self.unit = device.codec.reading_unit
-        self.counters = Counters()
-        self._codec, self._wiring = device.build_codec(), device.wiring(device.part[0])
-        self._clock, self._first_out = DeviceClock(1.0, None), ""
+        self.has_bytes = isinstance(device.codec, LinesFormat)
+        self._stream = Stream(device)
+        self.counters = self._stream.counters
+        self.unit = "kPa" if device.codec is None else device.codec.reading_unit
+        self._remark: str | None = None
+        self._out, self._first_out = 0, ""
         try:
-            self._file = open_regular(self.path)
-        except InputError as error:
+            self._texts = open_text(self.path)
+        except (InputError, OSError, EOFError) as error:
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
         try:
-            packed = self._file.peek(2)[:2] == b"\x1f\x8b"
-            lines = BufferedReader(gzip.GzipFile(fileobj=self._file)) if packed else self._file
-            self._texts = TextIOWrapper(lines, encoding_of(lines.peek(2)), errors="replace")
-            taxels, self._frames, self._remark = read_table(self._texts)
-            if taxels != device.codec.taxels:
-                raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
+            if isinstance(device.codec, LinesFormat):
+                self._readings = self._of_lines("skip" in device.codec.before)
+            elif isinstance(device.codec, CsvFormat):
+                taxels, frames, self._remark = read_table(self._texts)
+                if taxels != device.codec.taxels:
+                    raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
+                self._readings = self._of_table(frames)
+            else:
+                raise SourceError(
+                    "it needs a device file with the codec kind 'pps-csv', or 'csv' for lines as a device prints them; "
+                    f"`bench probe --port recording:{self.path}` says which lines these are"
+                )
         except (InputError, OSError, EOFError) as error:
-            self._file.close()
+            self._texts.close()
             raise SourceError(f"cannot read recording {self.path}: {error}") from error
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading at once; see `Source.read`."""
         try:
-            for frame in () if self._file.closed else self._frames:
-                if isinstance(frame, Frame):
-                    return self._reading(frame)
-                self.counters.resyncs += 1
-                self._first_out = self._first_out or frame.strip()
+            reading = None if self._texts.closed else next(self._readings, None)
         except (OSError, EOFError) as error:
             raise SourceError(f"{self.path}: {error}") from error
-        raise SourceEnded(f"{self.path} has no more readings")
+        if reading is None:
+            raise SourceEnded(f"{self.path} has no more readings")
+        return reading
 
     def summary(self) -> list[str]:
         """Say how the time was read where its title does not say it, and which lines were no readings."""
-        left = f"{counted(self.counters.resyncs, 'line')} left out as no reading, the first {short(self._first_out)}"
-        return [*filter(None, [self._remark]), *([left] if self._first_out else [])]
+        left = f"{counted(self._out, 'line')} left out as no reading, the first {short(self._first_out)}"
+        return [*filter(None, [self._remark]), *([left] if self._out else [])]
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._texts.close()
 
-    def _reading(self, frame: Frame) -> Reading:
-        assert frame.seconds is not None
-        restarts = self._clock.restarts
-        seconds = self._clock.seconds(frame.seconds, 0.0)
-        read = self._wiring != UNREAD
-        pressures = np.empty(self.pad.taxels)
-        pressures[self._wiring[read]] = self._codec.to_kpa(frame.values)[read]
-        self.counters.frames += 1
-        self.counters.readings += 1
-        after_loss = self._clock.restarts > restarts
-        self.counters.clock_restarts += after_loss
-        return Reading(self.device.cells(pressures), seconds, seconds, None, after_loss)
+    def _leave_out(self, text: str) -> None:
+        self._out += 1
+        self._first_out = self._first_out or text.strip()
+
+    def _of_table(self, frames: Iterator[Frame | str]) -> Iterator[Reading]:
+        self._stream.clock = DeviceClock(1.0, None)  # of s
+        for frame in frames:
+            if isinstance(frame, str):
+                self.counters.resyncs += 1
+                self._leave_out(frame)
+            elif reading := self._stream.join(0, frame, 0.0, 0.0, 0.0):
+                yield replace(reading, host_time=reading.device_time or 0.0)
+
+    def _of_lines(self, stamps_skipped: bool) -> Iterator[Reading]:
+        """Read lines as they came; times before them are the terminal's unless the device file skips a column."""
+        clock, now = DeviceClock(1.0, _HALF_DAY), None
+        for text in self._texts:
+            garbage, restarts, stamp = self.counters.garbage_bytes, clock.restarts, _STAMP.match(text)
+            if stamp:
+                hours, minutes, seconds = (float(re.sub("[:,]", ".", part)) for part in stamp.groups())
+                now = clock.seconds(3600 * hours + 60 * minutes + seconds, 0.0)
+                if clock.restarts > restarts:
+                    self._stream.lost(0, now)
+            line = text[stamp.end() if stamp and not stamps_skipped else 0 :].encode()
+            if self._log is not None:
+                self._log.received(0, line, now or 0.0)
+            for reading in self._stream.received(0, line, now or 0.0):
+                if now is None and reading.device_time is None:
+                    self._remark = "no time stands before its lines, and none in them"
+                yield reading
+            if text.strip() and self.counters.garbage_bytes > garbage:
+                self._leave_out(text)
+
+
+def open_text(path: str | Path) -> TextIOWrapper:
+    """Open a text, which may be packed by gzip, in UTF-8, or UTF-16 with its mark. Raises InputError, OSError."""
+    file = open_regular(path)
+    try:
+        packed = file.peek(2)[:2] == b"\x1f\x8b"
+        lines = BufferedReader(gzip.GzipFile(fileobj=file)) if packed else file
+        return TextIOWrapper(lines, encoding_of(lines.peek(2)), errors="replace")
+    except (OSError, EOFError):
+        file.close()
+        raise
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    text = re.search(r"\.(csv|tsv|txt|asc|lvm)(\.gz)?$", places[0], re.IGNORECASE)
-    return Replay(places[0]) if text is None or is_recording(places[0]) else CsvReplay(places[0], device)
+    text = re.search(r"\.(csv|tsv|txt|asc|lvm|log|cap)(\.gz)?$", places[0], re.IGNORECASE)
+    return Replay(places[0]) if text is None or is_recording(places[0]) else CsvReplay(places[0], device, log)

@@ -334,11 +334,16 @@ def _timed(
 
 def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None:
     """Raise InputError if an interval ends more than one reading behind the last of the readings at `times`, s."""
-    end = times[-1] if times else 0.0
+    if not times:
+        raise InputError("the recording holds no reading: nothing in it is a frame of the device file")
+    end = times[-1]
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     late = max(intervals, key=lambda each: each.last_s)
     if late.last_s > end + max(step, 0.0) + 1e-9:
+        count = (
+            "in s from the first reading" if any(times[1:]) else "by a clock, and the recording states none"
+        )
         raise InputError(
             f"the recording ends at {end:g} s, but a mark ({late.label}) goes on until {late.last_s:g} s; times count "
-            "in s from the first reading"
+            f"{count}"
         )

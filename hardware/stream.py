@@ -24,7 +24,7 @@ class Stream:
     """Decode what a device's links say and join the frames of all parts to readings.
 
     A live port and the replay of a recording feed the same events in the same order, `sent`,
-    `received` and `lost`, and get the same readings, bit for bit.
+    `received` and `lost`, and get the same readings, bit for bit. clock: of the frames' ticks.
     """
 
     def __init__(self, device: Device, counters: Counters | None = None) -> None:
@@ -39,7 +39,7 @@ class Stream:
             wiring = device.wiring(part)
             read = np.flatnonzero(wiring != UNREAD)
             self._wires[device.place(part)] = (read, wiring[read])
-        self._clock = DeviceClock(self._codec.tick_s, self._codec.tick_wrap)
+        self.clock = DeviceClock(self._codec.tick_s, self._codec.tick_wrap)
         self._first = device.place(device.part[0])  # its clock and counter are the pad's
         self._one_clock = self._codec.clock_common and device.ports == 1
         self._last_index: dict[tuple[int, int], int] = {}
@@ -74,7 +74,7 @@ class Stream:
         # Several frames of one part in one go: the reader was late, whatever it knows of when it waited.
         if self.by_arrival and len({frame.address for frame, _, _ in frames}) < len(frames):
             frames = [(frame, float("-inf"), latest) for frame, _, latest in frames]
-        readings = [self._join(link, frame, earliest, latest, now) for frame, earliest, latest in frames]
+        readings = [self.join(link, frame, earliest, latest, now) for frame, earliest, latest in frames]
         return [reading for reading in readings if reading is not None]
 
     def lost(self, link: int, now: float) -> None:
@@ -107,7 +107,8 @@ class Stream:
         if self._pairing is not None:
             self._pairing.forget()
 
-    def _join(self, link: int, frame: Frame, earliest: float, latest: float, now: float) -> Reading | None:
+    def join(self, link: int, frame: Frame, earliest: float, latest: float, now: float) -> Reading | None:
+        """Take in a frame that was measured between `earliest` and `latest` (s); returns the reading it completes."""
         place = (link, frame.address)
         if place not in self._wires:
             self.counters.strays += 1
@@ -157,9 +158,9 @@ class Stream:
         """Add the device's time, which goes on where its clock starts again."""
         if frame.ticks is None:
             return frame
-        restarts = self._clock.restarts
-        seconds = self._clock.seconds(frame.ticks, now)
-        if self._clock.restarts > restarts:
+        restarts = self.clock.restarts
+        seconds = self.clock.seconds(frame.ticks, now)
+        if self.clock.restarts > restarts:
             self.counters.clock_restarts += 1
             self._begin_anew()
         return replace(frame, seconds=seconds)

@@ -26,13 +26,13 @@ def command(
             "--pad",
             "--device",
             metavar="FILE|NAME",
-            help="Of .npz, .mat and .csv files: the pad, a file of its measures or of a device (.toml), or a built-in "
-            "name; `bench devices` names them.",
+            help="Of .npz, .mat, .h5 and .csv files: the pad, a file of its measures or of a device (.toml), or a "
+            "built-in name; `bench devices` names them.",
         ),
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option(help="Of .npz, .mat and .csv files: what the readings are in: kPa, N, V or count."),
+        typer.Option(help="Of .npz, .mat, .h5 and .csv files: what the readings are in: kPa, N, V or count."),
     ] = None,
     readings: Annotated[
         str, typer.Option(help="Of arrays: what the readings are called in the file.")
@@ -50,7 +50,7 @@ def command(
     zero: shared.Zero = "auto",
     idle: shared.IdleFile = None,
 ) -> None:
-    """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat) or of presses in a CSV."""
+    """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat, .h5) or of presses in a CSV."""
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
@@ -64,7 +64,7 @@ def command(
     check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
     names = ("readings", "poses", "labels", "split")
     table = source.suffix.lower() in TABLES
-    if table or source.suffix.lower() in SUFFIXES:
+    if table or source.suffix.lower() in SUFFIXES or formats.is_foreign(source):
         if pad is None or unit is None:
             try:
                 Scan.load(source)
@@ -79,7 +79,7 @@ def command(
             )
         measures = load_device(pad).pad
         if table:
-            refuse_typed(context, names, "is of .npz and .mat files; a table has columns of fixed names")
+            refuse_typed(context, names, "is of .npz, .mat and .h5 files; a table has columns of fixed names")
             scan = read_press_table(source, measures, unit)
         else:
             called = {"readings": readings, "poses": poses, "labels": labels} | (

@@ -22,18 +22,28 @@ def command(
     """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""
     import json
     import time
+    from contextlib import suppress
 
     import numpy as np
 
     from tactsim.bench.console import plain_console
-    from tactsim.core.source import NoReading, SourceEnded
+    from tactsim.core.errors import InputError
+    from tactsim.core.source import NoReading, SourceEnded, SourceError
     from tactsim.hardware.calibration import force
+    from tactsim.hardware.recorded import open_text
     from tactsim.hardware.sources import open_source
     from tactsim.hardware.terminal_pictures import tactile_image
 
     described, correction = pads.load(device, calibration)
     heard = _Heard()
-    with open_source(port, described, correction, log=heard) as source:
+    try:
+        opened = open_source(port, described, correction, log=heard)
+    except SourceError:
+        with suppress(InputError, OSError), open_text(port[0].removeprefix("recording:")) as text:
+            heard.received(0, text.read(_KEPT).encode(), 0.0)
+            heard.show(as_bytes=False)
+        raise
+    with opened as source:
         readings = []
         try:
             readings.append(source.read())
@@ -48,6 +58,7 @@ def command(
                 raise
         counters = source.counters.as_dict()
     if not readings:
+        heard.show()
         raise NoReading(f"{port[0]} has no readings")
     values = np.array([reading.pressures for reading in readings])
     times = [
@@ -92,11 +103,11 @@ class _Heard:
     def lost(self, link: int, time: float) -> None:
         """Ignore a lost link."""
 
-    def show(self) -> None:
+    def show(self, as_bytes: bool = True) -> None:
         """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read."""
         from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
 
-        for at in range(0, min(len(self._first), _SHOWN), 16):
+        for at in range(0, min(len(self._first), _SHOWN) if as_bytes else 0, 16):
             part = self._first[at : at + 16]
             text = "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in part)
             typer.echo(f"{at:4}  {part.hex(' '):47}  {text}", err=True)

@@ -1,4 +1,4 @@
-"""Arrays in a .npz or a .mat file of somebody else, as a scan."""
+"""Arrays in a .npz, .mat or HDF5 file of somebody else, as a scan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.io import loadmat, whosmat
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.files import read_bytes
-from tactsim.core.npz import LARGEST, read_npz
+from tactsim.core.npz import LARGEST, MissingArrayError, read_npz
 
 SUFFIXES = (".npz", ".mat")
 _KINDS = ("double", "single", "logical", "char", "cell") + tuple(
@@ -32,14 +32,25 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     """
     wanted = list(dict.fromkeys(names.values()))
     try:
-        mat = path.suffix.lower() == ".mat"
-        found = mat_arrays(read_bytes(path, LARGEST), wanted) if mat else read_npz(path, wanted)
+        if path.suffix.lower() == ".mat":
+            found = mat_arrays(read_bytes(path, LARGEST), wanted)
+        elif path.suffix.lower() == ".npz":
+            found = read_npz(path, wanted)
+        else:
+            from tactsim.bench.formats.hdf5_file import read_named  # its library is an extra
+
+            found = read_named(path, wanted)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
         if not len(scan):
             raise InputError("it holds no presses: its arrays have no rows")
         check_labels(scan.letters)
         return scan
+    except MissingArrayError as error:
+        shapes = ", ".join(str(shape) for shape in error.there.values())
+        raise InputError(
+            f"cannot read {path}: {error}, shapes {shapes}; --readings, --poses, --labels and --split name them"
+        ) from error
     except InputError as error:
         raise InputError(f"cannot read {path}: {error}") from error
 
@@ -57,7 +68,7 @@ def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         left = LARGEST
         for name in dict.fromkeys(variables.values()):
             if name not in there:
-                raise InputError(f"it has no array {name!r}; it has {', '.join(map(repr, there))}")
+                raise MissingArrayError(name, {other: shape for other, (shape, _) in there.items()})
             shape, kind = there[name]
             if kind not in _KINDS:
                 raise InputError(f"array {name!r} is a {kind}, no numbers or names")

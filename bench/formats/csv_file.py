@@ -58,7 +58,8 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         readings.append([_number(words.get(name, "")) for name in taxels])
         if None in readings[-1]:
             name = taxels[readings[-1].index(None)]
-            raise InputError(f"{where}: {name}: give a finite number, got {short(words.get(name, ''))}")
+            got = short(words.get(name, ""))
+            raise InputError(f"{where}: {name}: give a finite number, got {got}; a dead taxel may say nan")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
     return Scan.from_arrays(
@@ -88,9 +89,9 @@ def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
 
 
 def _number(word: str) -> float | None:
-    """Read a taxel's cell; None if it is no number that a reading may be."""
+    """Read a taxel's cell, which may say NaN; None if it is no number that a reading may be."""
     try:
         number = float(word)
     except ValueError:
         return None
-    return number if abs(number) <= LARGEST else None
+    return None if abs(number) > LARGEST else number

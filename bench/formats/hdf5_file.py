@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from math import prod
 from pathlib import Path
@@ -17,25 +19,25 @@ from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import parse_json
 from tactsim.core.files import open_regular
-from tactsim.core.npz import LARGEST
+from tactsim.core.npz import LARGEST, MissingArrayError
 
 _OF_A_RUN = "run"  # the dataset that only a run has
 _READINGS = "unit of the readings"
-# {dataset: (kind, axes, unit, description)}; the first six are in every scan.
+# {dataset: (axes, unit, description)}; the first six are in every scan.
 _DATASETS = {
-    "readings": ("f", ("press", "taxel"), _READINGS, "what each taxel says of each press"),
-    "poses": ("f", ("press", "x y theta"), "mm, mm, rad", "sensor_in_object of each press: x, y, theta"),
-    "labels": ("S", ("press",), "", "the object of each press"),
-    "split": ("S", ("press",), "", "what each press is for: train or test"),
-    "taxel_xy": ("f", ("taxel", "x y"), "mm", "the taxels' centres in the frame of the sensor: x, y"),
-    "meta": ("S", (), "", "how the scan was made, JSON"),
-    "sequence": ("f", ("press", "frame", "taxel"), _READINGS, "the images of each press on its way to rest"),
-    "sequence_times": ("f", ("frame",), "s", "when the images were taken, since the object began to move"),
-    "sequence_force": ("f", ("press", "frame"), "N", "the contact force at these times"),
-    "loads": ("f", ("press",), "N", "the force of each press; NaN where it is not known"),
-    "presses": ("i", ("press",), "", "the number of the press that each reading was taken of"),
-    "moments": ("f", ("press",), "", "the share of its press's load at which each reading was taken"),
-    "views": ("i", ("press",), "", "which of its object's pictures each reading belongs to"),
+    "readings": (("press", "taxel"), _READINGS, "what each taxel says of each press"),
+    "poses": (("press", "x y theta"), "mm, mm, rad", "sensor_in_object of each press: x, y, theta"),
+    "labels": (("press",), "", "the object of each press"),
+    "split": (("press",), "", "what each press is for: train or test"),
+    "taxel_xy": (("taxel", "x y"), "mm", "the taxels' centres in the frame of the sensor: x, y"),
+    "meta": ((), "", "how the scan was made, JSON"),
+    "sequence": (("press", "frame", "taxel"), _READINGS, "the images of each press on its way to rest"),
+    "sequence_times": (("frame",), "s", "when the images were taken, since the object began to move"),
+    "sequence_force": (("press", "frame"), "N", "the contact force at these times"),
+    "loads": (("press",), "N", "the force of each press; NaN where it is not known"),
+    "presses": (("press",), "", "the number of the press that each reading was taken of"),
+    "moments": (("press",), "", "the share of its press's load at which each reading was taken"),
+    "views": (("press",), "", "which of its object's pictures each reading belongs to"),
 }
 _OF_TRIALS = dict.fromkeys(("x", "y", "true_x", "true_y", "radius_90"), "mm")
 _OF_TRIALS |= {"theta": "rad", "true_theta": "rad", "update_s": "s", "estimate_s": "s", "propose_s": "s"}
@@ -47,7 +49,7 @@ def write_scan(scan: Scan, stream: IO[bytes]) -> None:
     with h5py.File(content, "w") as file:
         file.attrs.update({"kind": "tactsim scan", "version": 1})
         file.attrs.update({name: scan.about[name] or "not stated" for name in ("source", "licence")})
-        for name, (_, axes, unit, description) in _DATASETS.items():
+        for name, (axes, unit, description) in _DATASETS.items():
             array = np.array(json.dumps(scan.meta)) if name == "meta" else getattr(scan, name)
             if array is None:
                 continue
@@ -74,20 +76,68 @@ def write_run(run: Run, stream: IO[bytes]) -> None:
     stream.write(content.getbuffer())
 
 
-def read_scan(path: Path) -> Scan:
-    """Read a scan written by `write_scan`. Raises InputError for a file that is not whole or too large."""
+def is_export(path: Path) -> bool:
+    """Tell whether `write_scan` or `write_run` wrote a file. Raises InputError if it is no whole HDF5 file."""
+    with _opened(path) as file:
+        return str(file.attrs.get("kind", "")).startswith("tactsim")
+
+
+def read_named(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Read datasets of somebody else's file: numbers or texts, whatever group they are in, as `group/name`.
+
+    Raises InputError if the file is not whole, too large, or lacks one, which is a MissingArrayError.
+    """
+    arrays, left, there = dict[str, NDArray[Any]](), LARGEST, dict[str, h5py.Dataset]()
+    with _opened(path) as file:
+        file.visititems(
+            lambda name, item: there.update({name: item} if isinstance(item, h5py.Dataset) else {})
+        )
+        for name in names:
+            if name.strip("/") not in there:
+                raise MissingArrayError(name, {one: dataset.shape for one, dataset in there.items()})
+            dataset = there[name.strip("/")]
+            # HDF5 unpacks whole chunks; text takes four bytes a character in memory.
+            numbers = max(prod(dataset.shape or ()), prod(dataset.chunks or (0,)))
+            size = numbers * dataset.dtype.itemsize * (4 if dataset.dtype.kind == "S" else 1)
+            left -= size
+            if left < 0:
+                raise InputError(f"its {name} claims {size:,} bytes; {left + size:,} are left of {LARGEST:,}")
+            if dataset.is_virtual or dataset.external:
+                raise InputError(f"its {name} lies in another file")
+            text = h5py.check_string_dtype(dataset.dtype) is not None
+            if not text and dataset.dtype.kind not in "biufS":
+                raise InputError(f"its {name} holds {dataset.dtype}, no numbers or names")
+            of_bytes = dataset.dtype.kind == "S"
+            content = dataset.asstr()[()] if text and not of_bytes else dataset[()]
+            arrays[name] = np.char.decode(content, "utf-8") if of_bytes else np.array(content)
+    return arrays
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """Open a file; what h5py says of its faults becomes an InputError."""
     try:
         with open_regular(path) as stream, h5py.File(stream, "r") as file:
-            if _OF_A_RUN in file and "readings" not in file:
-                raise is_of_a_run()
-            arrays, left = {}, LARGEST
-            for name in _DATASETS:
-                if name in list(_DATASETS)[:6] or file.get(name, getlink=True) is not None:
-                    arrays[name], left = _read(file, name, left)
+            yield file
     except InputError:
         raise
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:  # as h5py words HDF5's faults
         raise InputError(f"it is no whole HDF5 file: {' '.join(str(error).split())}") from error
+
+
+def read_scan(path: Path) -> Scan:
+    """Read a scan written by `write_scan`. Raises InputError for a file that is not whole or too large."""
+    with _opened(path) as file:
+        if _OF_A_RUN in file and "readings" not in file:
+            raise is_of_a_run()
+        optional = list(_DATASETS)[6:]
+        names = [
+            name for name in _DATASETS if name not in optional or file.get(name, getlink=True) is not None
+        ]
+    try:
+        arrays = read_named(path, names)
+    except MissingArrayError as error:
+        raise InputError(f"it has no dataset {error.name} of its own") from error
     return Scan(meta=parse_json(str(arrays.pop("meta")), "its meta"), **arrays)
 
 
@@ -100,23 +150,3 @@ def _add(file: h5py.File, name: str, array: NDArray[Any], unit: str, description
     dataset = file.create_dataset(name, data=array, dtype=array.dtype, **options)
     dataset.attrs.update({"description": description, **({"unit": unit} if unit else {})})
     return dataset
-
-
-def _read(file: h5py.File, name: str, left: int) -> tuple[NDArray[Any], int]:
-    """Read a dataset that lies in this file and takes at most `left` bytes; also says how many are left then."""
-    # A link is asked for first: file[name] would open what it points to.
-    if not isinstance(file.get(name, getlink=True), h5py.HardLink) or not isinstance(
-        file[name], h5py.Dataset
-    ):
-        raise InputError(f"it has no dataset {name} of its own; save arrays of yours as .npz or .mat")
-    dataset, (kind, axes, *_) = file[name], _DATASETS[name]
-    if dataset.dtype.kind != kind or dataset.shape is None or len(dataset.shape) != len(axes):
-        raise InputError(f"its {name} holds {dataset.dtype} along {len(dataset.shape or ())} axes")
-    # HDF5 unpacks whole chunks; text takes four bytes a character in memory.
-    numbers = max(prod(dataset.shape), prod(dataset.chunks or (0,)))
-    size = numbers * dataset.dtype.itemsize * (4 if kind == "S" else 1)
-    if size > left:
-        raise InputError(f"its {name} claims {size:,} bytes; {left:,} are left of {LARGEST:,}")
-    if dataset.is_virtual or dataset.external:
-        raise InputError(f"its {name} lies in another file")
-    return np.char.decode(dataset[()], "utf-8") if kind == "S" else dataset[()], left - size

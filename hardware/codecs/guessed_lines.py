@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -11,16 +10,17 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.counters import Counters
 from tactsim.core.errors import counted
-from tactsim.hardware.codecs.lines import LinesFormat, numbers_in, split_line
+from tactsim.hardware.codecs.lines import FIRST_NAME, LinesFormat, numbers_in, split_line
 from tactsim.hardware.framing import Framer
 
 _BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
-_FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*(?: \d+)?) *[:=]")  # of a line, as `S0:12`
+_ALIKE = 0.1  # of how far columns are apart: lines no further apart than this say the same of the same taxels
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ class GuessedLines:
         if self.rows > 1:
             columns = self.columns // self.rows
             what = f"frames of {self.rows} lines with {columns} numbers, another line between frames"
+            what += f"; if each line is a frame, say taxels = {columns}, rows = 1, columns = {columns}"
         befores = {"clock": "a clock, as it rises steadily", "index": "the lines' count", "skip": "no number"}
         before = "".join(f"; field {k} is {befores[name]}" for k, name in enumerate(self.before, 1))
         odd = f"; {self.odd!r} is no number, and a line that says it is left out" if self.odd else ""
@@ -64,10 +65,8 @@ class GuessedLines:
                 f"The device prints the parts of a frame in lines of their own ({', '.join(self.named[:4])} ...), and "
                 "nothing between two frames. Let it print a frame a line, or an empty line between two frames."
             )
-        return (
-            f"The device prints lines of {self.columns} fields, which no device file reads: {self.odd!r} is no number. "
-            "Let it print decimal numbers."
-        )
+        why = f"{self.odd!r} is no number" if self.odd else "a number is beyond what a reading may be"
+        return f"Lines of {self.columns} fields, which no device file reads: {why}. Let it print decimal numbers."
 
     def device_file(self) -> str:
         """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
@@ -111,7 +110,7 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     Returns None if most fields are no numbers.
     """
     lines = [line.strip() for line in data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n")[1:-1]]
-    names = Counter(match[1].decode() for line in lines if (match := _FIRST_NAME.match(line)))
+    names = Counter(match[1].decode() for line in lines if (match := FIRST_NAME.match(line)))
     named = tuple(sorted(name for name, count in names.items() if count > 1))
     if any(line.startswith(b"[[") and not line.endswith(b"]]") for line in lines):
         named = ("[[", "]]")  # as NumPy prints a picture
@@ -119,7 +118,7 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     for decimal, checksum in product(".,", ("", "xor8")):
         texts = [line.partition(b"*")[0] if checksum else line for line in lines]
         fields = [split_line(text, decimal) if text.strip(b"\0 ") else [] for text in texts]
-        guess = _of_rows(fields, decimal) or _of_lines(fields, decimal)
+        guess = _of_rows(lines, fields, decimal) or _of_lines(fields, decimal)
         if guess is not None:
             guess = replace(guess, checksum=checksum)
             whole = sum(map(bool, fields)) / guess.rows
@@ -141,9 +140,16 @@ def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:
     return tuple(name.decode("utf-8", "replace") for name in names) if named else ()
 
 
-def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
-    """Find frames of two or more rows between lines that are no rows."""
-    ends = [at for at, row in enumerate(fields) if _parts_frames(row)]
+def _of_rows(lines: Sequence[bytes], fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:
+    """Find frames of two or more rows between lines that are no rows.
+
+    A line of words may also be a note between frames of a line each: so it is where the lines that it parts read alike.
+    """
+    usual = Counter(map(len, fields)).most_common(1)[0][0] if fields else 0
+    ends = [
+        at for at, row in enumerate(fields)
+        if _parts_frames(row) or (FIRST_NAME.match(lines[at]) and not (len(row) == usual and _valued(row).all()))
+    ]  # fmt: skip
     frames = [fields[first + 1 : last] for first, last in pairwise(ends)]
     shapes = Counter((len(frame), len(frame[0])) for frame in frames if len({len(row) for row in frame}) == 1)
     if not shapes:
@@ -155,7 +161,18 @@ def _of_rows(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None
     )
     if rows < 2 or whole is None or whole.columns != columns or whole.before or titled:
         return None
+    numbers = [[numbers_in(row) or [] for row in frame] for frame in frames]
+    whole_frames = [frame for frame in numbers if [*map(len, frame)] == [columns] * rows]
+    if whole_frames and any(lines[at].upper() != lines[at].lower() for at in ends):
+        level = np.median(np.array(whole_frames), axis=0)
+        if np.ptp(level, axis=0).max() < _ALIKE * np.ptp(level, axis=1).max():
+            return None
     return GuessedLines(rows * columns, rows, (), decimal, whole.odd)
+
+
+def _valued(fields: list[bytes]) -> NDArray[np.bool_]:
+    """Tell which fields of a line are numbers, or stand for one."""
+    return np.array([bool(numbers_in([field])) or field.lower() in _NO_VALUE for field in fields])
 
 
 def _parts_frames(fields: list[bytes]) -> bool:
@@ -173,7 +190,7 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     known = np.array([[numbers_in([field]) is not None for field in row] for row in alike])
     if 2 * count < sum(usual.values()) or 2 * known.sum() <= known.size:
         return None
-    valued = np.array([[field.lower() in _NO_VALUE for field in row] for row in alike]) | known
+    valued = np.array(list(map(_valued, alike)))
     skipped = min(int(valued.any(axis=0).argmax()), 15)  # a device file names 16 at most
     odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
     before, tick_s = ["skip"] * skipped, 1e-3

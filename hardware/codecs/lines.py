@@ -34,6 +34,8 @@ _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
 _ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
 _AROUND = bytes.maketrans(b"[](){}<>|$#\"'\0", b" " * 14)  # means nothing here, or no more than a blank
 _NAME = re.compile(rb"(?<![\w.+-])(?:[A-Za-z_]\w*(?: \d+)? *[:=]|\d+: )")  # of a number, or of a row
+# Of a line, as `S0:12`; among rows that have none it makes a heading, as `Frame: 12`.
+FIRST_NAME = re.compile(rb"\W*([A-Za-z_]\w*(?: \d+)?) *[:=]")
 _DIGITS = 9  # written of each value: as many as a float of 32 bits needs
 _LARGEST_COUNT = float(1 << 53)  # of a clock or a frame counter: up to there every whole number is exact
 _COUNTER = 1 << 32  # an Arduino's unsigned long starts again there
@@ -111,7 +113,8 @@ class LinesCodec(CountsCodec):
         line, used = self._line(buffer, start)
         fields = self._fields(line)
         frame = self._frame(fields) if used and self._is_right(line) else None
-        if used and frame is None and self.format.checksum is None and not numbers_in(fields):
+        heading = not numbers_in(fields) or FIRST_NAME.match(line)
+        if used and frame is None and self.format.checksum is None and heading:
             fields, of_rows = self._rows(buffer, start + used)
             frame = self._frame(fields) if fields else None
             used = 0 if of_rows is None else used + (of_rows if frame else 0)
@@ -133,17 +136,17 @@ class LinesCodec(CountsCodec):
         rows of equal length stand there.
         """
         fields: list[bytes] = []
-        first = at = 0
+        first, named, at = 0, False, 0
         while at < self.longest:
             line, used = self._line(buffer, start + at)
             if not used:
                 return fields, None
-            row = self._fields(line)
-            if not numbers_in(row):
+            row, name = self._fields(line), FIRST_NAME.match(line) is not None
+            if not numbers_in(row) or (fields and len(row) != first and name > named):
                 return fields, at
             if (fields and len(row) != first) or len(row) >= self._columns:
                 break
-            first, fields, at = len(row), fields + row, at + used
+            first, named, fields, at = len(row), name, fields + row, at + used
         return [], 0
 
     def encode(self, frame: Frame) -> bytes:

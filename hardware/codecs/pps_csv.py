@@ -80,7 +80,7 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
     """Read the head of a recording: how many taxels it has, its frames line by line, and a remark on the unit of time.
 
     A line that is no frame comes as text.
-    What stands before the time is left out. A frame's `seconds` are as the unit in the title says, or as the steps
+    What stands before the time is left out. A frame's ticks are s, as the unit in the title says, or as the steps
     tell: below 1 they are s, below 1,000 ms, below 1,000,000 us, else ns; or as a time of day (ISO 8601) does. They
     count from the first frame if the clock counts from midnight or from 1970. Taxels are the numbers behind the time.
     Raises CodecError if there is no title with a time within 40 lines, or no frame behind it.
@@ -90,7 +90,10 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
     titles = [text_tables.title_cells(text) for text in head[: text_tables.TITLE_WITHIN]]
     named = [at for at, cells in enumerate(titles) if _time_at(cells) >= 0]
     if not named:
-        raise CodecError("no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'")
+        raise CodecError(
+            "no recording of the vendor's tool: its first line is 'Time [ms], Elem0, ...'; lines as a device prints "
+            "them are read by a device file with the codec kind 'csv', which `bench probe` writes"
+        )
     # Words about the recording may say time, too.
     line = max(named, key=lambda at: (text_tables.separator_of(head[at]) != " ", len(titles[at])))
     separator, time, samples = text_tables.separator_of(head[line]), _time_at(titles[line]), head[line + 1 :]
@@ -98,33 +101,48 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
     commas = text_tables.has_decimal_commas(known, separator)
 
     def numbers(text: str) -> FloatArray | None:
-        """Read the time and the taxels of a frame; None if a cell is no finite number."""
+        """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
             first, *others = text_tables.with_points(cells[time:], separator, commas)
-            row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
+            row = np.array(
+                [
+                    _of_day(first) if _OF_DAY.search(first) else float(first),
+                    *(float(cell or "nan") for cell in others),
+                ]
+            )
         except ValueError:
             return None
         # A clock since 1970 in ns is larger than any reading may be.
-        return row if np.isfinite(row[0]) and (np.abs(row[1:]) <= LARGEST).all() else None
+        return row if np.isfinite(row[0]) and not (np.abs(row[1:]) > LARGEST).any() else None
 
     rows = [row for text in samples if (row := numbers(text)) is not None]
     width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of numbers{but}")
-    clock = [float(row[0]) for row in rows if len(row) == width]
+    whole = np.array([row for row in rows if len(row) == width])
+    dead = np.isnan(whole).all(axis=0)
+    if dead[1:].all():
+        raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
+    clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
+    if dead.any():
+        lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
+        remark = "; ".join(
+            filter(None, [remark, f"taxel {lost}: NaN in every line, which counts as 0: never pressed"])
+        )
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:
         for text in chain(samples, texts):
             row = numbers(text)
-            if row is None or len(row) != width:
+            if row is None or len(row) != width or (np.isnan(row) != dead).any():
                 yield text
             else:
-                yield Frame(row[1:], seconds=float(row[0] * tick - begun))
+                row[dead] = 0
+                yield Frame(row[1:], ticks=float(row[0] * tick - begun))
 
     return width - 1, frames(), remark
 

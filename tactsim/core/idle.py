@@ -104,7 +104,14 @@ def find_idle(readings: ArrayLike) -> Idle:
     with np.errstate(invalid="ignore"):
         rises, falls = (felt & (widths[:, end] < widths[:, 1 - end] - near_equal) for end in (0, 1))
     # A taxel that saturates reads one end again and again, too; one that is mostly loaded has few readings at rest.
-    fewer = [both & (counts[:, end] < counts[:, 1 - end]) for end in (0, 1)]
+    # Full scale is one number for all taxels, without noise: where the other end has noise, it may be the one at rest.
+    equal = widths <= near_equal[:, None]
+    scale = (values == values.max()) | (values == values.min())
+    at_scale = both & (equal[:, 0] != equal[:, 1]) & ((scale.mean(axis=0) >= _SHARED).sum() > 1)
+    fewer = [
+        both & (counts[:, end] < np.where(at_scale & equal[:, end], 2, 1) * counts[:, 1 - end])
+        for end in (0, 1)
+    ]
     doubtful = (rises & fewer[0]) | (falls & fewer[1])
     rises, falls = rises & ~doubtful, falls & ~doubtful
     most = -1.0 if falls.sum() > max(rises.sum(), doubtful.sum()) else 1.0

@@ -26,13 +26,13 @@ _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA)
 
 
 class MissingArrayError(InputError):
-    """An array that was asked for is not in the file. there: the names of those that are."""
+    """An array that was asked for is not in the file. there: the shapes of those that are, by their names."""
 
-    def __init__(self, name: str, there: Iterable[str]) -> None:
-        self.name, self.there = name, frozenset(there)
-        super().__init__(f"it has no array {name!r}; it has {', '.join(map(repr, sorted(self.there)))}")
+    def __init__(self, name: str, there: Mapping[str, Any]) -> None:
+        self.name, self.there = name, dict(sorted(there.items()))
+        super().__init__(f"it has no array {name!r}; it has {', '.join(map(repr, self.there))}")
 
-    def __reduce__(self) -> tuple[type[MissingArrayError], tuple[str, frozenset[str]]]:
+    def __reduce__(self) -> tuple[type[MissingArrayError], tuple[str, dict[str, Any]]]:
         """Let it be sent to another process."""
         return type(self), (self.name, self.there)
 
@@ -96,7 +96,7 @@ def _members(
     for name in names:
         info = known.get(f"{name}.npy")
         if info is None:
-            raise MissingArrayError(name, (one.removesuffix(".npy") for one in known))
+            raise MissingArrayError(name, {one.removesuffix(".npy"): _shape(archive, one) for one in known})
         if info.flag_bits & _ENCRYPTED or info.compress_type not in _COMPRESSIONS:
             raise InputError(f"array {name!r} is encrypted or compressed in a way that NumPy does not write")
         if info.file_size > left:
@@ -107,6 +107,14 @@ def _members(
         with archive.open(info) as member:
             arrays[name] = _array(member, name)
     return arrays
+
+
+def _shape(archive: zipfile.ZipFile, name: str) -> tuple[int, ...] | str:
+    try:
+        with archive.open(name) as member:
+            return _HEADERS[np.lib.format.read_magic(member)](member)[0]
+    except Exception:  # as in `_array`, or packed in another way
+        return "?"
 
 
 def _array(member: IO[bytes], name: str) -> NDArray[Any]:

@@ -204,7 +204,8 @@ class Scan:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
         pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N, NaN where not
         known. presses: (n,) whole numbers, the same for readings of one press. moments: (n,) the share of its press's
-        load at which each reading was taken.
+        load at which each reading was taken. A taxel that reads NaN in a press is left out, which is logged and stated
+        in `meta["left_out"]`.
 
         Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
         """
@@ -217,12 +218,15 @@ class Scan:
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
+        dead = np.isnan(values).any(axis=0)
+        if dead.any():
+            meta["left_out"] = _without_numbers(np.isnan(values))
         scan = cls(
-            values,
+            values[:, ~dead],
             poses,
             names_of(labels, "labels"),
             splits_of(split, len(values)),
-            pad.taxel_xy,
+            pad.taxel_xy[~dead],
             meta,
             loads=loads,
             presses=presses,
@@ -599,6 +603,24 @@ def check_pose_units(poses: FloatArray, taxel_xy: FloatArray) -> None:
             )
 
 
+def _without_numbers(lost: NDArray[np.bool_]) -> dict[str, str]:
+    """Say, also in the log, why taxels are left out that are NaN in presses, lost (n, taxels): {number: why}.
+
+    Raises InputError if no taxel is left.
+    """
+    counts, worst = lost.sum(axis=0), int(lost.sum(axis=1).argmax())
+    if counts.all():
+        raise InputError(
+            f"every taxel reads no number (NaN) in some press; in readings[{worst}] {lost[worst].sum()} do: leave out "
+            "the presses that failed"
+        )
+    whole = f"of {len(lost):,} presses"
+    why = {str(taxel): f"no number (NaN) in {counts[taxel]:,} {whole}" for taxel in np.flatnonzero(counts)}
+    for taxel, reason in why.items():
+        logging.getLogger(__name__).warning("taxel %s is left out: %s", taxel, reason)
+    return why
+
+
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
     """Bring readings into the shape (n, taxels): the pictures of a pad in a row, several images of a press averaged.
 
@@ -616,7 +638,9 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
             f"readings have the shape {np.shape(values)}; a pad of {pad.rows}x{pad.columns} taxels asks for (presses, "
             f"{pad.taxels}), (presses, {pad.rows}, {pad.columns}), or several images of each press between the two"
         )
-    return array if array.ndim == 2 else array.mean(axis=1)
+    if array.ndim == 3:  # where some images of a press have a number
+        array = np.ma.array(array, mask=np.isnan(array)).mean(axis=1).filled(np.nan)
+    return array
 
 
 def names_of(values: Any, what: str) -> NDArray[np.str_]:

@@ -87,6 +87,20 @@ def test_saturated_taxels_are_not_idle(step):
     assert not falling.known[falling.sign > 0].any()
 
 
+@pytest.mark.parametrize("offset", [0, 200])
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_saturated_taxels_that_rest_less_often_are_not_taken_for_falling(offset, share):
+    rng = np.random.default_rng(0)
+    rest = 100.0 + offset * rng.random(TAXELS)
+    at = rng.random((300, TAXELS))
+    full = np.where(rng.permutation(TAXELS) < share * TAXELS, 0.4, 0.0)
+    loads = rest + rng.random(at.shape) * (1023 - rest)
+    readings = np.where(at < 0.3, rest, np.where(at > 1 - full, 2000, loads)) + rng.normal(0, 2, at.shape)
+    idle = find_idle(np.clip(readings, 0, 1023).round())
+    assert (idle.sign == 1).all()
+    assert idle.level == pytest.approx(rest, abs=20)
+
+
 @pytest.mark.parametrize("spread", [0.5, 3, 10])
 def test_taxels_that_rest_at_one_value_and_are_mostly_loaded_rise(spread):
     rng = np.random.default_rng(0)

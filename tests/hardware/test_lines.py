@@ -58,6 +58,11 @@ FORMS = {
     "a word first": lambda v, t: "$PAD," + ",".join(map(str, v)) + "\r\n",
     "rows parted by a rule": lambda v, t: f"{v[0]} {v[1]}\r\n{v[2]} {v[3]}\r\n-----\r\n",
     "rows under a heading": lambda v, t: f"Frame {t}\r\n{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n",
+    "rows under a named count": lambda v, t: f"Frame: {t}\r\n{v[0]},{v[1]}\r\n{v[2]},{v[3]}\r\n",
+    "rows above a note": lambda v, t: f"{v[0]} {v[1]}\r\n{v[2]} {v[3]}\r\nT = {t % 7}.5 C\r\n",
+    "a note now and then": lambda v, t: (
+        ",".join(map(str, v)) + f"\r\nloop {t % 70} us" * (t % 100 == 80) + "\r\n"
+    ),
     "numbered rows": lambda v, t: f"0: {v[0]} {v[1]}\r\n1: {v[2]} {v[3]}\r\n\r\n",
     "a monitor's time": lambda v, t: f"12:00:{t / 1000:06.3f} -> " + ",".join(map(str, v)) + "\r\n",
     "a time in brackets": lambda v, t: f"[12:00:{t / 1000:06.3f}] " + ",".join(map(str, v)) + "\r\n",
@@ -126,6 +131,7 @@ def test_a_line_without_a_number_is_left_out_and_the_probe_says_why(word, count)
         (lambda v, k: " ".join(f"{x + 160:04x}" for x in v), "01cd"),
         (lambda v, k: "$TACT," + ",".join(map(str, v)) + "*5B", "400*5B"),
         (lambda v, k: ",".join(["ovf", *map(str, v[1:])]), "ovf"),
+        (lambda v, k: ",".join(["20260102123456", *map(str, v)]), ""),
     ],
 )
 def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):

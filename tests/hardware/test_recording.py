@@ -1,6 +1,7 @@
 import gzip
 import struct
 import zlib
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -322,6 +323,64 @@ def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_pa
 def test_why_a_csv_is_not_read_is_said(tmp_path, content, expected):
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(InputError, match=expected):
+        CsvReplay(tmp_path / "a.csv", csv_device(4))
+
+
+LINES = Device.model_validate(
+    {"name": "lines", "codec": {"kind": "csv", "taxels": 4, "kpa_per_count": 1.0}, "pad": csv_device(4).pad}
+)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        "{:%H:%M:%S.%f} -> ", "{:%H:%M:%S.%f} > ", "[{:%Y-%m-%d %H:%M:%S.%f}] ", "{:%Y-%m-%d %H:%M:%S.%f}\t",
+        "[{:%a %b %d %H:%M:%S.%f} 2026] ", "[{:%H:%M:%S:%f}] ", "{:%b %d %H:%M:%S.%f} ", "{:%m/%d/%Y %I:%M:%S.%f %p} ",
+        "[0 {:%H:%M:%S.%f}] ", "{:%Y-%m-%dT%H:%M:%S.%f}Z ",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("separator", [",", " "])
+def test_a_terminal_s_log_is_read_by_the_device_file_of_the_port(tmp_path, stamp, separator):
+    """The first line, which may be the rest of one, is none; midnight passes, and noon of a clock of twelve hours."""
+    begin = datetime(2026, 1, 2, 12 if "%p" in stamp else 23, 59, 59)
+    lines = [
+        stamp.format(begin + timedelta(milliseconds=20 * k)) + separator.join(map(str, [-k, 1023, 7, k]))
+        for k in range(100)
+    ]
+    lines.insert(50, "--- a word of the terminal")
+    (tmp_path / "a.log").write_text("\n".join(lines) + "\n")
+    with open_source([f"recording:{tmp_path / 'a.log'}"], LINES) as source:
+        readings = list(source)
+        assert source.summary()[0].startswith("2 lines left out as no reading, the first")
+    assert [reading.pressures.tolist() for reading in readings] == [[-k, 1023, 7, k] for k in range(1, 100)]
+    times = [reading.host_time for reading in readings]
+    assert np.diff(times) == pytest.approx(np.full(98, 0.02), abs=1e-6)
+
+
+def test_lines_without_a_time_say_so_and_a_title_says_which_device_file_reads_a_table(tmp_path):
+    lines = "=~=~= PuTTY log 2026.01.02 12:34:56 =~=~=\r\n" + "1,2,3,4\r\n" * 5
+    (tmp_path / "a.log").write_text(lines)
+    source = CsvReplay(tmp_path / "a.log", LINES)
+    assert len(list(source)) == 5
+    assert source.summary()[0].startswith("no time stands before its lines")
+    with pytest.raises(InputError, match="the codec kind 'csv', which `bench probe` writes"):
+        CsvReplay(tmp_path / "a.log", csv_device(4))
+
+
+def test_a_taxel_that_is_nan_in_every_line_counts_as_0_and_is_said(tmp_path):
+    for word in ("nan", ""):
+        rows = [f"{20 * k},1,{word},{k if k != 70 else 'nan'},4" for k in range(80)]
+        (tmp_path / "a.csv").write_text("\n".join([TITLE, *rows]) + "\n")
+        with CsvReplay(tmp_path / "a.csv", csv_device(4)) as source:
+            assert [reading.pressures.tolist() for reading in source] == [
+                [1, 0, k, 4] for k in range(80) if k != 70
+            ]
+            assert [line[:22] for line in source.summary()] == [
+                "taxel 1: NaN in every ",
+                "1 line left out as no ",
+            ]
+    (tmp_path / "a.csv").write_text(TITLE + "\n0,nan,nan,nan,nan\n")
+    with pytest.raises(InputError, match="every number is NaN"):
         CsvReplay(tmp_path / "a.csv", csv_device(4))
 
 

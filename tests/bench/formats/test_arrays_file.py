@@ -1,5 +1,6 @@
 """Scans of arrays that others saved with NumPy or MATLAB."""
 
+import h5py
 import numpy as np
 import pytest
 from command_line import refused
@@ -32,6 +33,34 @@ def save(path, **arrays):
     else:
         savemat(path, given)
     return path
+
+
+def save_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file["a/readings"], file["a/poses"] = READINGS.reshape(4, 2, 3), POSES
+        file["who"] = ["A", "B", "A", "long"]
+
+
+def test_datasets_of_hdf5_are_imported_by_their_names(tmp_path, here):
+    save_hdf5(tmp_path / "lab.h5")
+    names = ("--readings", "a/readings", "--poses", "/a/poses", "--labels", "who")
+    done = here("import", "lab.h5", *WORDS, *names)
+    assert done.returncode == 0, done.stderr
+    wanted = Scan.from_arrays(READINGS, POSES, ["A", "B", "A", "long"], pad=PAD, unit="count")
+    assert Scan.load(tmp_path / "scan.npz").digest == wanted.digest
+
+
+def test_a_taxel_without_a_number_in_a_press_is_left_out_and_said(tmp_path, caplog):
+    images = np.repeat(READINGS[:, None], 3, axis=1)
+    images[2, :, 5] = images[1, 1, 0] = np.nan
+    scan = read_arrays(save(tmp_path / "a.npz", readings=images), NAMES, PAD, "N")
+    assert scan.readings == pytest.approx(READINGS[:, :5])
+    assert np.array_equal(scan.taxel_xy, PAD.taxel_xy[:5])
+    assert scan.meta["left_out"] == {"5": "no number (NaN) in 1 of 4 presses"}
+    assert caplog.messages == ["taxel 5 is left out: no number (NaN) in 1 of 4 presses"]
+    images[0] = np.nan
+    with pytest.raises(InputError, match=r"in readings\[0\] 6 do: leave out the presses that failed"):
+        read_arrays(save(tmp_path / "a.npz", readings=images), NAMES, PAD, "N")
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])
@@ -95,6 +124,15 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'labels', 'poses', "),
         (["b.h5", *WORDS], "says its pad and unit itself"),
+        (
+            ["a.mat", "--labels", "who", *WORDS],
+            "'poses', 'readings', 'split', shapes (4,), (4, 3), (4, 6), (4,); --",
+        ),
+        (
+            ["lab.h5", *WORDS],
+            "it has 'a/poses', 'a/readings', 'who', shapes (4, 3), (4, 2, 3), (4,); --readings",
+        ),
+        (["lab.h5", "--out", "scan.npz"], "give --pad and --unit"),
     ],
 )
 def test_a_mistake_is_one_line(words, says, tmp_path, here):
@@ -103,6 +141,7 @@ def test_a_mistake_is_one_line(words, says, tmp_path, here):
     ours = Scan.from_arrays(READINGS, POSES, list("ABAB"), pad=PAD, unit="N")
     ours.save(tmp_path / "ours.npz")
     formats.write(ours, tmp_path / "b.h5", "hdf5")
+    save_hdf5(tmp_path / "lab.h5")
     refused(here("import", *words), says)
     assert not (tmp_path / "scan.npz").exists()
 
