@@ -6,6 +6,7 @@ import gzip
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from io import BufferedReader, TextIOWrapper
 from pathlib import Path
@@ -23,17 +24,20 @@ from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.guessed_lines import is_text
 from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
-from tactsim.hardware.recording import Kind, Record, RecordReader, Whole, is_recording
+from tactsim.hardware.recording import SUFFIX, Kind, Record, RecordReader, Whole, is_recording
 from tactsim.hardware.stream import Stream
+from tactsim.hardware.text_tables import check_taxel_names
 
+_HEAD = 4096  # bytes of a file, which tell whether it is a text
 _HALF_DAY = 43_200  # s, after which a clock of twelve hours starts again
 # A time of day before a line, as terminals note it: `12:00:01.123 -> `, `[2026-11-27 12:00:01]`, `Nov 27 12:00:01`.
 _STAMP = re.compile(
-    r"[\[(\s\"]*(?:[\w/.-]{1,12}[ T]){0,4}(\d?\d):(\d\d):(\d\d(?:[.:]\d{1,9}|,\d{3}(?=[ \]]))?)"
-    r"(?:Z| ?[AaPp][Mm])?(?: \d{4}(?=\]))?[\])]?\s*(?:->|>)?"
+    r"(?:\x1b\[[\d;]*m)?[\[(\s\"]*(?:[\w/.-]{1,12}[ T]){0,4}"
+    r"(\d?\d):(\d\d):(\d\d(?:[.:]\d{1,9}|,\d{3}(?=[ \]]))?)(?:Z| ?[AaPp][Mm])?(?: \d{4}(?=\]))?[\])]? *(?:->|>)?"
 )
 
 
@@ -203,9 +207,13 @@ class CsvReplay(Source):
             if isinstance(device.codec, LinesFormat):
                 self._readings = self._of_lines("skip" in device.codec.before)
             elif isinstance(device.codec, CsvFormat):
-                taxels, frames, self._remark = read_table(self._texts)
-                if taxels != device.codec.taxels:
-                    raise SourceError(f"it has {taxels} taxels, {device.name!r} has {device.codec.taxels}")
+                names, frames, self._remark = read_table(self._texts)
+                if device.part[0].taxels is None:  # which would say the order
+                    check_taxel_names(names)
+                if len(names) != device.codec.taxels:
+                    raise SourceError(
+                        f"it has {len(names)} taxels, {device.name!r} has {device.codec.taxels}"
+                    )
                 self._readings = self._of_table(frames)
             else:
                 raise SourceError(
@@ -264,7 +272,7 @@ class CsvReplay(Source):
             for reading in self._stream.received(0, line, now or 0.0):
                 if now is None and reading.device_time is None:
                     self._remark = "no time stands before its lines, and none in them"
-                yield reading
+                yield reading if now is not None else replace(reading, host_time=reading.device_time or 0.0)
             if text.strip() and self.counters.garbage_bytes > garbage:
                 self._leave_out(text)
 
@@ -285,5 +293,10 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    text = re.search(r"\.(csv|tsv|txt|asc|lvm|log|cap)(\.gz)?$", places[0], re.IGNORECASE)
-    return Replay(places[0]) if text is None or is_recording(places[0]) else CsvReplay(places[0], device, log)
+    if is_recording(places[0]) or places[0].endswith(SUFFIX):
+        return Replay(places[0])
+    head = b""
+    with suppress(InputError), open_regular(places[0]) as file:
+        head = file.read(_HEAD)
+    packed = head.startswith(b"\x1f\x8b")
+    return CsvReplay(places[0], device, log) if packed or is_text(head) else Replay(places[0])

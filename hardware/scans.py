@@ -257,7 +257,8 @@ def named_rows(
     heads = [[known.get(cell.lower(), cell) for cell in cells] for cells in titles]
     names = max(heads, key=lambda head: len({*head}.intersection(known.values())), default=[])
     if not {*names}.intersection(known.values()):
-        raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}")
+        also = "; of a recording `bench replay --marks` makes presses" if what == "presses" else ""
+        raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}{also}")
     above = heads.index(names) + 1
     separator = text_tables.separator_of(lines[above - 1])
     below = ("" if line[:1] == "#" else line for line in lines[above:])

@@ -65,6 +65,37 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
     ]  # fmt: skip
 
 
+def check_taxel_names(names: Sequence[str]) -> None:
+    """Raise InputError if the names of columns tell that these are not the taxels in their order, along the rows.
+
+    `t0 t1 t2`, `r0c0 r0c1 r1c0` and `x0y0 x1y0 x0y1` rise. Beside names with numbers one without is no taxel's.
+    """
+    numbers = [[int(number) for number in re.findall(r"\d+", name)] for name in names]
+    kinds = [re.sub(r"\d+", "#", name) for name in names]
+    if (
+        len(
+            {"row", "col", "column", "taxel", "sensor", "channel", "value"}.intersection(
+                map(str.lower, names)
+            )
+        )
+        > 1
+    ):
+        raise InputError(
+            f"columns {', '.join(names)}: it has a taxel a row; make it a table with a column a taxel"
+        )
+    if max(map(kinds.count, filter(None, kinds)), default=0) < 2:
+        return
+    odd = [name for name, number in zip(names, numbers, strict=True) if not number]
+    if odd and any(kinds.count(kind) > 1 for kind in kinds if "#" in kind):
+        raise InputError(f"column {odd[0]!r} beside {', '.join(names[:3])} ... is no taxel; leave it out")
+    rows_last = re.match(r"(x|c|col|column)[\W_]*#.*#", kinds[0], re.IGNORECASE)
+    order = [number[::-1] for number in numbers] if rows_last else numbers
+    if len({*kinds}) == 1 and order != sorted(order):
+        raise InputError(
+            f"columns {', '.join(names[:4])} ... are in no order of taxels, which go along the rows"
+        )
+
+
 def numbers_of(text: str) -> FloatArray:
     """Read a table of numbers (rows, columns), perhaps below lines of words. Raises ValueError if it is none."""
     lines = list(dropwhile(_NO_NUMBERS.match, text.splitlines()))

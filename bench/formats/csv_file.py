@@ -16,8 +16,9 @@ from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
 from tactsim.hardware.scans import PlacedPress, named_rows
+from tactsim.hardware.text_tables import check_taxel_names
 
-TABLES = (".csv", ".tsv", ".txt")
+TABLES = (".csv", ".tsv", ".txt", ".log", ".asc", ".lvm")
 _TAXEL = re.compile(r"t\d+")
 
 
@@ -79,12 +80,10 @@ def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
     names = [name for name in words if name not in _NO_TAXELS and _number(words[name]) is not None]
-    parts = [re.split(r"(\d*)$", name) for name in names]
-    numbers = [int(part[1] or -1) for part in parts]
-    if len({part[0] for part in parts}) == 1 and numbers != sorted(numbers):
-        raise InputError(
-            f"{where}: columns {', '.join(names[:4])} ... are in no order; call the taxels t0, t1 ..."
-        )
+    try:
+        check_taxel_names(names)
+    except InputError as error:
+        raise InputError(f"{where}: {error}; or call the taxels t0, t1 ...") from None
     return names
 
 

@@ -122,8 +122,8 @@ def guess_lines(data: bytes) -> GuessedLines | None:
         if guess is not None:
             guess = replace(guess, checksum=checksum)
             whole = sum(map(bool, fields)) / guess.rows
-            first = [row[0] for row in fields if len(row) == guess.columns]
-            parts = named if len(named) > 1 else _in_turn(first)
+            firsts = [[b",".join(row[:n]) for row in fields if len(row) == guess.columns > n] for n in (1, 2)]
+            parts = named if len(named) > 1 else _in_turn(firsts[0]) or _in_turn(firsts[1])
             if guess.rows == 1 and parts:
                 guesses.append(replace(guess, named=parts))
             else:
@@ -133,10 +133,13 @@ def guess_lines(data: bytes) -> GuessedLines | None:
 
 
 def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:
-    """List the first fields of lines, words or numbers from 0 or 1 on, that come in turn: 0, 1, 2, 0, 1, 2 ..."""
+    """List the first fields of lines, words or numbers from 0 or 1 on, that come in turn: 0, 1, 2, 0, 1, 2 ...
+
+    So do row and column where each line is a taxel's.
+    """
     names = sorted(set(first))
     in_turn = 1 < len(names) <= len(first) // 5 and first[len(names) :] == first[: -len(names)]
-    named = in_turn and (names[0] in (b"0", b"1") or not numbers_in(names[:1]))
+    named = in_turn and (names[0] in (b"0", b"1", b"0,0", b"1,1") or not numbers_in(names[:1]))
     return tuple(name.decode("utf-8", "replace") for name in names) if named else ()
 
 

@@ -76,8 +76,8 @@ class CsvCodec(LinesCodec):
         return np.round(values) if self._whole else values
 
 
-def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | None]:
-    """Read the head of a recording: how many taxels it has, its frames line by line, and a remark on the unit of time.
+def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], str | None]:
+    """Read the head of a recording: the names of its taxels, its frames line by line, and a remark on its time.
 
     A line that is no frame comes as text.
     What stands before the time is left out. A frame's ticks are s, as the unit in the title says, or as the steps
@@ -121,6 +121,7 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of numbers{but}")
+    names = [*titles[line][time + 1 :], *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
@@ -144,7 +145,7 @@ def read_table(texts: Iterable[str]) -> tuple[int, Iterator[Frame | str], str | 
                 row[dead] = 0
                 yield Frame(row[1:], ticks=float(row[0] * tick - begun))
 
-    return width - 1, frames(), remark
+    return names, frames(), remark
 
 
 def _words(cell: str) -> list[str]:

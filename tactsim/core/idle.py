@@ -162,6 +162,9 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     if frames is not None:
         if zero != "auto":
             raise InputError("--zero and --idle both say what idle taxels read; leave one out")
+        left_out = [int(taxel) for taxel in scan.meta.get("left_out", ())]
+        if np.shape(frames)[-1:] == (scan.readings.shape[1] + len(left_out),):
+            frames = np.delete(np.asarray(frames), left_out, axis=-1)
         idle = given_idle(frames, scan.readings)
     elif zero == "off":
         return scan, "readings are taken as they are"

@@ -121,6 +121,11 @@ class Wrapper(Source):
         return self.inner.taxel_xy
 
     @property
+    def unit(self) -> str:  # type: ignore[override]
+        """Give the unit of the inner source's readings."""
+        return self.inner.unit
+
+    @property
     def counters(self) -> Counters:  # type: ignore[override]
         """Give the inner source's counters."""
         return self.inner.counters

@@ -143,6 +143,15 @@ def test_a_level_that_is_known_is_taken_off(zero):
         assert taken.readings == pytest.approx(readings - 400)
 
 
+def test_idle_readings_of_the_whole_pad_are_taken_for_the_taxels_that_are_left():
+    readings = 400 + pressed()
+    readings[:, 3] = np.nan
+    frames = np.full((5, TAXELS), 400.0)
+    frames[:, 3] = 7
+    taken, _ = settled(scan_of(readings), frames=frames)
+    assert taken.readings == pytest.approx(np.delete(readings, 3, axis=1) - 400)
+
+
 @pytest.mark.parametrize(
     ("zero", "frames", "says"),
     [

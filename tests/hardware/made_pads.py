@@ -39,9 +39,11 @@ def singletact(taxels=25, parts=None, **codec):
     )
 
 
-def csv_device(taxels=6):
+def csv_device(taxels=6, **codec):
     pad = PAD if taxels == 6 else {"rows": 1, "columns": taxels, "no_seam": True, "unread_columns": 0}
-    return Device.model_validate({"name": "csv", "codec": {"kind": "pps-csv", "taxels": taxels}, "pad": pad})
+    return Device.model_validate(
+        {"name": "csv", "codec": {"kind": "pps-csv", "taxels": taxels, **codec}, "pad": pad}
+    )
 
 
 def ramp(device):

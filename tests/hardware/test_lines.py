@@ -149,6 +149,7 @@ def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
         lambda v: f"[[{v[0]} {v[1]}]\n [{v[2]} {v[3]}]]\n",
         lambda v: f"R0 {v[0]} {v[1]}\nR1 {v[2]} {v[3]}\n",
         lambda v: f"0,{v[0]},{v[1]}\n1,{v[2]},{v[3]}\n",
+        lambda v: "".join(f"{k // 2},{k % 2},{x}\n" for k, x in enumerate(v)),
         lambda v: "".join(f"Sensor {k}: {x}\n" for k, x in enumerate(v)),
     ],
 )

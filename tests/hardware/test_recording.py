@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made_pads import csv_device, ramp, serving, singletact, small_device
 
 from tactsim.core import InputError
-from tactsim.hardware.device import Device
+from tactsim.hardware.device import Device, Part
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recorded import CsvReplay, Replay
@@ -318,6 +318,9 @@ def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_pa
         (vendor_table("Time,a,b,c,d", ["27/11/2026 04:00:00"] * 9).encode(), "but '27/11/2026 04:00:00,"),
         (b"Time [fortnights],a,b,c,d\n0,1,2,3,4\n", "unit of time is 'fortnights'; known are s, ms"),
         (TITLE.encode(), "stands no line of numbers"),
+        (b"Time [ms],R1C1,R2C1,R1C2,R2C2\n0,1,2,3,4\n", "R1C1, R2C1, R1C2, R2C2 ... are in no order"),
+        (b"Time [ms],N,Elem0,Elem1,Elem2\n0,1,2,3,4\n", "column 'N' beside N, Elem0, Elem1 ... is no taxel"),
+        (b"time_ms,row,col,value\n0,0,0,5\n", "it has a taxel a row; make it a table with a column a taxel"),
     ],
 )
 def test_why_a_csv_is_not_read_is_said(tmp_path, content, expected):
@@ -382,6 +385,12 @@ def test_a_taxel_that_is_nan_in_every_line_counts_as_0_and_is_said(tmp_path):
     (tmp_path / "a.csv").write_text(TITLE + "\n0,nan,nan,nan,nan\n")
     with pytest.raises(InputError, match="every number is NaN"):
         CsvReplay(tmp_path / "a.csv", csv_device(4))
+
+
+def test_a_device_file_may_say_the_order_of_columns(tmp_path):
+    device = csv_device(4).model_copy(update={"part": (Part(taxels=(0, 2, 1, 3)),)})
+    (tmp_path / "a.csv").write_text("Time [ms],R1C1,R2C1,R1C2,R2C2\n0,1,2,3,4\n")
+    assert [reading.pressures.tolist() for reading in CsvReplay(tmp_path / "a.csv", device)] == [[1, 3, 2, 4]]
 
 
 def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):

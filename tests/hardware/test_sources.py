@@ -57,7 +57,7 @@ def plug_in(monkeypatch):
     monkeypatch.setattr(plug_ins, "entry_points", lambda group: [*real(group=group), Point()])
 
 
-@pytest.fixture(params=["pty", "tcp", "recording", "recorded-readings", "csv", "simulated", "foreign"])
+@pytest.fixture(params=["pty", "tcp", "recording", "recorded-readings", "csv", "log", "simulated", "foreign"])
 def opened(request, tmp_path, plug_in):
     """A place to open, and its device."""
     device = small_device()
@@ -80,7 +80,11 @@ def opened(request, tmp_path, plug_in):
             lines = ["Time [ms]," + ",".join(f"Elem{k}" for k in range(6))]
             lines += [",".join(map(str, [10 * k, *range(6)])) for k in range(50)]
             (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
-            yield f"recording:{tmp_path / 'a.csv'}", csv_device()
+            yield f"recording:{tmp_path / 'a.csv'}", csv_device(unit="count")
+        elif request.param == "log":
+            lines = [f"12:00:{k / 100:06.3f} -> 0,1,2,3,4,{k}" for k in range(50)]
+            (tmp_path / "a.log").write_text("\n".join(lines) + "\n")
+            yield f"recording:{tmp_path / 'a.log'}", csv_device(kind="csv", kpa_per_count=1.0)
         elif request.param == "simulated":
             yield "simulated:A@3.4,-3.4,0.5", device
         else:
@@ -103,8 +107,11 @@ def test_every_source_gives_readings_of_its_pad(opened):
 def test_every_source_is_corrected_alike(opened):
     place, device = opened
     calibration = CALIBRATION.model_copy(update={"tare": (1000.0,) * 6})
+    with open_source([place], device) as source:
+        unit = source.unit
     with open_source([place], device, calibration) as source:
         reading = source.read(5.0)
+        assert source.unit == unit
         assert source.taxel_xy.shape == (5, 2)
     assert reading.pressures.shape == (5,)
     assert (reading.pressures < -500).all()
