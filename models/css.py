@@ -34,7 +34,7 @@ _OWN = {
 # Lengths are properties too, since SVG 2.
 _PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
 # What a transform is in an attribute: a number there has no unit, unlike in a style.
-_TRANSFORM = re.compile(r"(\s*(matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)[\s,]*)*")
+_TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)[\s,]*)*")
 # Media for which rules count, and those for which they do not: a drawing is read as on a bright screen.
 _SHOWN = re.compile(r"(only )?(all|screen)?( and )?(\(prefers-color-scheme: ?light\))?")
 _NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-scheme: ?dark\)).*|not all")

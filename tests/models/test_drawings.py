@@ -176,6 +176,7 @@ SEEN = [
     (f'<switch><foreignObject requiredExtensions="x"/><g>{L}</g><rect {RECT}/></switch>', 204),
     (f'<g mask="url(#nope)" filter="none"/>{L}<g mask="url(#m)"/>{MASK}<text><tspan/></text><image/>', 204),
     (f'{L}<rect x="40" y="40" width="5" height="5"/><rect xmlns="" {RECT}/>', 204),
+    (f'<g transform="{"scale(1)   " * 40}scale(2px)">{L}</g>', 204),  # at once, however many stand before
     ('<rect width="30" height="30"/>', 900),
 ]  # fmt: skip
 
