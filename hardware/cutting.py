@@ -60,32 +60,25 @@ def cut(
             felt = half
             if touching is not None:
                 felt = half.chosen((half.readings[:, window] > touching[1]).sum(axis=1) >= touching[0])
-            pieces.append((felt, felt.readings[:, window], compose(felt.poses, [*middle, 0.0])))
+            poses = compose(felt.poses, [*middle, 0.0])
+            pieces.append(replace(felt, readings=felt.readings[:, window], poses=poses, taxel_xy=layout))
         if len(half) and not windows:
             raise InputError(
                 f"no window of {rows}x{columns} taxels is whole in the {split}ing readings: "
                 f"{np.count_nonzero(grid < 0)} of {grid.size} taxels are missing; cut smaller windows"
             )
     assert layout is not None  # a split without a window was refused above
-    return Scan(
-        np.concatenate([readings for _, readings, _ in pieces]),
-        np.concatenate([poses for _, _, poses in pieces]),
-        np.concatenate([half.labels for half, _, _ in pieces]),
-        np.concatenate([half.split for half, _, _ in pieces]),
-        layout,
-        {
-            **scan.meta,
-            "cut": {
-                "rows": rows, "columns": columns, "stride": stride, "readings": len(scan), "apart": apart,
-                "windows": windows_of, "missing": int(np.count_nonzero(grid < 0)),
-            },
-            "pad": _pad_of_window(scan.about["pad"], rows, columns),
-        },
-        loads=None if scan.loads is None else np.concatenate([half.loads for half, _, _ in pieces]),
-        presses=np.concatenate([half.presses for half, _, _ in pieces]),
-        moments=None if scan.moments is None else np.concatenate([half.moments for half, _, _ in pieces]),
-        views=None if scan.views is None else np.concatenate([half.views for half, _, _ in pieces]),
-    )  # fmt: skip
+    about = {
+        "rows": rows, "columns": columns, "stride": stride, "readings": len(scan), "apart": apart,
+        "windows": windows_of, "missing": int(np.count_nonzero(grid < 0)),
+    }  # fmt: skip
+    whole = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces])
+        for name in Scan._A_READING
+        if getattr(scan, name) is not None
+    }
+    pad = _pad_of_window(scan.about["pad"], rows, columns)
+    return Scan(taxel_xy=layout, meta={**scan.meta, "cut": about, "pad": pad}, **whole)
 
 
 def _places(down: int, along: int, stride: int) -> tuple[dict[str, list[tuple[int, int]]], bool]:

@@ -6,7 +6,7 @@ import gzip
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from io import BufferedReader, TextIOWrapper
 from pathlib import Path
@@ -199,10 +199,7 @@ class CsvReplay(Source):
         self.unit = "kPa" if device.codec is None else device.codec.reading_unit
         self._remark: str | None = None
         self._out, self._first_out = 0, ""
-        try:
-            self._texts = open_text(self.path)
-        except (InputError, OSError, EOFError) as error:
-            raise SourceError(f"cannot read recording {self.path}: {error}") from error
+        self._texts = open_text(self.path)
         try:
             if isinstance(device.codec, LinesFormat):
                 self._readings = self._of_lines("skip" in device.codec.before)
@@ -248,12 +245,12 @@ class CsvReplay(Source):
         self._first_out = self._first_out or text.strip()
 
     def _of_table(self, frames: Iterator[Frame | str]) -> Iterator[Reading]:
-        self._stream.clock = DeviceClock(1.0, None)  # of s
+        self._stream.clock, (_, address) = DeviceClock(1.0, None), self.device.place(self.device.part[0])
         for frame in frames:
             if isinstance(frame, str):
                 self.counters.resyncs += 1
                 self._leave_out(frame)
-            elif reading := self._stream.join(0, frame, 0.0, 0.0, 0.0):
+            elif reading := self._stream.join(0, replace(frame, address=address), 0.0, 0.0, 0.0):
                 yield replace(reading, host_time=reading.device_time or 0.0)
 
     def _of_lines(self, stamps_skipped: bool) -> Iterator[Reading]:
@@ -278,15 +275,17 @@ class CsvReplay(Source):
 
 
 def open_text(path: str | Path) -> TextIOWrapper:
-    """Open a text, which may be packed by gzip, in UTF-8, or UTF-16 with its mark. Raises InputError, OSError."""
-    file = open_regular(path)
+    """Open a text, which may be packed by gzip, in UTF-8, or UTF-16 with its mark. Raises SourceError."""
     try:
-        packed = file.peek(2)[:2] == b"\x1f\x8b"
-        lines = BufferedReader(gzip.GzipFile(fileobj=file)) if packed else file
-        return TextIOWrapper(lines, encoding_of(lines.peek(2)), errors="replace")
-    except (OSError, EOFError):
-        file.close()
-        raise
+        with ExitStack() as opened:
+            file = opened.enter_context(open_regular(path))
+            packed = file.peek(2)[:2] == b"\x1f\x8b"
+            lines = BufferedReader(gzip.GzipFile(fileobj=file)) if packed else file
+            encoding = encoding_of(lines.peek(2))
+            opened.pop_all()
+            return TextIOWrapper(lines, encoding, errors="replace")
+    except (InputError, OSError, EOFError) as error:
+        raise SourceError(f"cannot read recording {path}: {error}") from error
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:

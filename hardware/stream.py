@@ -86,11 +86,6 @@ class Stream:
             del self._last_index[place]
         self._begin_anew()
 
-    def waiting_bytes(self) -> int:
-        """Count the bytes and values that are kept for later; it has a bound."""
-        frames = [] if self._pairing is None else self._pairing.waiting()
-        return sum(len(link.framer) for link in self._links) + sum(frame.values.nbytes for frame in frames)
-
     def _choose_pairing(self, device: Device) -> Pairing | None:
         if len(self._wires) == 1:
             return None

@@ -27,7 +27,6 @@ def command(
     import numpy as np
 
     from tactsim.bench.console import plain_console
-    from tactsim.core.errors import InputError
     from tactsim.core.source import NoReading, SourceEnded, SourceError
     from tactsim.hardware.calibration import force
     from tactsim.hardware.recorded import open_text
@@ -39,7 +38,7 @@ def command(
     try:
         opened = open_source(port, described, correction, log=heard)
     except SourceError:
-        with suppress(InputError, OSError), open_text(port[0].removeprefix("recording:")) as text:
+        with suppress(SourceError, OSError), open_text(port[0].removeprefix("recording:")) as text:
             heard.received(0, text.read(_KEPT).encode(), 0.0)
             heard.show(as_bytes=False)
         raise

@@ -104,13 +104,9 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
-            first, *others = text_tables.with_points(cells[time:], separator, commas)
-            row = np.array(
-                [
-                    _of_day(first) if _OF_DAY.search(first) else float(first),
-                    *(float(cell or "nan") for cell in others),
-                ]
-            )
+            filled = [cell or "nan" for cell in cells[time:]]
+            first, *others = text_tables.with_points(filled, separator, commas)
+            row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
         except ValueError:
             return None
         # A clock since 1970 in ns is larger than any reading may be.
@@ -131,9 +127,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
     if dead.any():
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
-        remark = "; ".join(
-            filter(None, [remark, f"taxel {lost}: NaN in every line, which counts as 0: never pressed"])
-        )
+        also = f"; {remark}" if remark else ""
+        remark = f"taxel {lost}: NaN in every line, which counts as 0: never pressed{also}"
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:

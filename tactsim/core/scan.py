@@ -217,10 +217,18 @@ class Scan:
             raise InputError(f"poses are {np.shape(poses)}; give ({len(values)}, 3): x mm, y mm, theta rad")
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
-        meta = {**made, "pad": pad.model_dump(mode="json"), **stated}
-        dead = np.isnan(values).any(axis=0)
-        if dead.any():
-            meta["left_out"] = _without_numbers(np.isnan(values))
+        meta: dict[str, Any] = {**made, "pad": pad.model_dump(mode="json"), **stated}
+        lost = np.isnan(values)
+        dead = lost.any(axis=0)
+        if dead.all() and len(values):
+            raise InputError(
+                f"every taxel reads no number (NaN) in some press; in readings[{lost.sum(axis=1).argmax()}] "
+                f"{lost.sum(axis=1).max()} do: leave out the presses that failed"
+            )
+        for taxel in np.flatnonzero(dead).tolist():
+            why = f"no number (NaN) in {lost[:, taxel].sum():,} of {len(lost):,} presses"
+            meta.setdefault("left_out", {})[str(taxel)] = why
+            logging.getLogger(__name__).warning("taxel %d is left out: %s", taxel, why)
         scan = cls(
             values[:, ~dead],
             poses,
@@ -601,24 +609,6 @@ def check_pose_units(poses: FloatArray, taxel_xy: FloatArray) -> None:
                 extent,
                 apart,
             )
-
-
-def _without_numbers(lost: NDArray[np.bool_]) -> dict[str, str]:
-    """Say, also in the log, why taxels are left out that are NaN in presses, lost (n, taxels): {number: why}.
-
-    Raises InputError if no taxel is left.
-    """
-    counts, worst = lost.sum(axis=0), int(lost.sum(axis=1).argmax())
-    if counts.all():
-        raise InputError(
-            f"every taxel reads no number (NaN) in some press; in readings[{worst}] {lost[worst].sum()} do: leave out "
-            "the presses that failed"
-        )
-    whole = f"of {len(lost):,} presses"
-    why = {str(taxel): f"no number (NaN) in {counts[taxel]:,} {whole}" for taxel in np.flatnonzero(counts)}
-    for taxel, reason in why.items():
-        logging.getLogger(__name__).warning("taxel %s is left out: %s", taxel, reason)
-    return why
 
 
 def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:

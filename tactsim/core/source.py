@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError
@@ -99,6 +99,11 @@ class Source(ABC):
         self.close()
 
 
+def _of_inner(name: str) -> Any:
+    """Make the property of a `Wrapper` that asks its inner source for `name`."""
+    return property(lambda wrapper: getattr(wrapper.inner, name), doc=f"Give the inner source's `{name}`.")
+
+
 class Wrapper(Source):
     """A source that passes on the readings of another source, `inner`, with something added.
 
@@ -109,36 +114,8 @@ class Wrapper(Source):
     def __init__(self, inner: Source) -> None:
         self.inner = inner
 
-    # `Source` declares plain attributes. Here they are properties, to which a type checker objects.
-    @property
-    def pad(self) -> Pad:  # type: ignore[override]
-        """Give the inner source's pad."""
-        return self.inner.pad
-
-    @property
-    def taxel_xy(self) -> FloatArray:  # type: ignore[override]
-        """Give the centres of the taxels in a reading, (taxels, 2) mm."""
-        return self.inner.taxel_xy
-
-    @property
-    def unit(self) -> str:  # type: ignore[override]
-        """Give the unit of the inner source's readings."""
-        return self.inner.unit
-
-    @property
-    def counters(self) -> Counters:  # type: ignore[override]
-        """Give the inner source's counters."""
-        return self.inner.counters
-
-    @property
-    def calibrated(self) -> bool:  # type: ignore[override]
-        """Tell whether the last reading is corrected."""
-        return self.inner.calibrated
-
-    @property
-    def has_bytes(self) -> bool:  # type: ignore[override]
-        """Tell whether the inner source reports its bytes to its `Log`."""
-        return self.inner.has_bytes
+    pad, taxel_xy, unit = _of_inner("pad"), _of_inner("taxel_xy"), _of_inner("unit")
+    counters, calibrated, has_bytes = _of_inner("counters"), _of_inner("calibrated"), _of_inner("has_bytes")
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the inner source's next reading; see `Source.read`."""

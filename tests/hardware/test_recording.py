@@ -388,7 +388,7 @@ def test_a_taxel_that_is_nan_in_every_line_counts_as_0_and_is_said(tmp_path):
 
 
 def test_a_device_file_may_say_the_order_of_columns(tmp_path):
-    device = csv_device(4).model_copy(update={"part": (Part(taxels=(0, 2, 1, 3)),)})
+    device = csv_device(4).model_copy(update={"part": (Part(address=3, taxels=(0, 2, 1, 3)),)})
     (tmp_path / "a.csv").write_text("Time [ms],R1C1,R2C1,R1C2,R2C2\n0,1,2,3,4\n")
     assert [reading.pressures.tolist() for reading in CsvReplay(tmp_path / "a.csv", device)] == [[1, 3, 2, 4]]
 
