@@ -112,8 +112,11 @@ class Letter:
                 raise InputError(
                     f"{self.name!r} has relief and is not convex: it cannot be cut into convex parts"
                 )
+            from manifold3d import CrossSection
+
             vertices = self.relief.hull.vertices
-            return (_part(_hull_outline(vertices), vertices),)
+            outline = CrossSection.hull_points(np.ascontiguousarray(vertices[:, :2])).to_polygons()[0]
+            return (_part(outline, vertices),)
         flat: Sequence[FloatArray] = self.contours
         edge = []
         if self.rounding:
@@ -254,13 +257,6 @@ def relief(name: str, solid: Manifold) -> Letter:
     for contour in contours:
         contour.setflags(write=False)
     return Letter(name, tuple(contours), top - bottom, relief=Relief.of(solid, (-x, -y, -bottom)))
-
-
-def _hull_outline(vertices: FloatArray) -> FloatArray:
-    """Give the outline in plan, (k, 2) mm, of a convex solid's vertices."""
-    from manifold3d import CrossSection
-
-    return CrossSection.hull_points(np.ascontiguousarray(vertices[:, :2])).to_polygons()[0]
 
 
 def _prism(outline: FloatArray, height: float) -> tuple[FloatArray, FloatArray]:

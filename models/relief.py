@@ -77,7 +77,10 @@ class Relief:
     @cached_property
     def normals(self) -> FloatArray:
         """Give each triangle's unit normal, (m, 3), pointing outwards; 0 for one without area."""
-        return _normals(self.vertices[self.triangles])
+        corners = self.vertices[self.triangles]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.sqrt(np.sum(normal**2, axis=1, keepdims=True))
+        return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
 
     def turned(self, rotation: FloatArray) -> Relief:
         """See the mesh in other axes, which are the columns of rotation (3, 3) in its own: x_mesh = rotation x."""
@@ -134,17 +137,6 @@ class Relief:
         return {"vertices": self.vertices, "triangles": self.triangles}
 
 
-def _normals(corners: FloatArray) -> FloatArray:
-    """Give the unit normals of triangles (m, 3, 3); 0 for one without area."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.sqrt(np.sum(normal**2, axis=1, keepdims=True))
-    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
 def _uncovered(solid: Manifold) -> FloatArray:
     """List the facets of a solid that look up, each where nothing hides it: (m, 3, 3).
 
@@ -157,7 +149,7 @@ def _uncovered(solid: Manifold) -> FloatArray:
     above, seen = corners[rise < -LEAST_RISE], corners[rise > LEAST_RISE]
     # Each facet that looks up is seen whole if together they cover no more than their shadow.
     shadow, sides = solid.project().area(), seen[:, 1:, :2] - seen[:, :1, :2]
-    if _cross(sides[:, 0], sides[:, 1]).sum() / 2 <= shadow * (1 + HIDDEN):
+    if np.linalg.det(sides).sum() / 2 <= shadow * (1 + HIDDEN):
         return seen
     bottom = float(corners[:, :, 2].min())
     above = above[above[:, :, 2].max(axis=1) > bottom + FLATNESS]

@@ -13,7 +13,7 @@ import gzip
 import math
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec, module_from_spec
 from io import BytesIO
@@ -75,11 +75,12 @@ class Drawing(NamedTuple):
 
 
 class _Fill(NamedTuple):
-    """What a shape fills, which may be nothing, and whether it has a stroke."""
+    """What a shape fills, which may be nothing, whether it has a stroke, and the groups of `_Context` around it."""
 
     region: CrossSection
     paint: Paint
     stroked: bool
+    groups: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,9 @@ class _Context:
 
     matrix: (2, 3), from user units to mm, y upwards. view: width and height of the viewport, user units; None if
     unknown. clip: what of it is seen. alpha: the opacity of the groups around it. hazard: what in them may change the
-    outline and is not understood. blends: whether they mix with what lies below. clones: the elements that are being
-    cloned. size: the width and height that a clone of a page gets.
+    outline and is not understood. blends: whether they mix with what lies below. groups: those that what lies below
+    shines through, by number. clones: the elements that are being cloned. size: the width and height that a clone of a
+    page gets.
     """
 
     style: Style
@@ -99,6 +101,7 @@ class _Context:
     alpha: float = 1.0
     hazard: str = ""
     blends: bool = False
+    groups: tuple[int, ...] = ()
     clones: tuple[Element, ...] = ()
     size: Style = field(default_factory=dict)
 
@@ -205,8 +208,10 @@ class _Reader:
             style = computed(declared, around.style)
             if style["display"] == "none" and not symbol:
                 continue
-            blends = around.blends or style["mix-blend-mode"] != "normal"
-            here = replace(around, style=style, blends=blends, alpha=around.alpha * share(style["opacity"]))
+            opacity, blends = share(style["opacity"]), style["mix-blend-mode"] != "normal"
+            here = replace(around, style=style, alpha=around.alpha * opacity, blends=around.blends or blends)
+            if opacity < OPAQUE:
+                here = replace(here, groups=(*here.groups, self.elements))
             if style["transform"] != "none" and not symbol and element is not self.root:
                 if style["transform-box"] != "view-box":
                     here = replace(here, hazard="a transform about the box of an element")
@@ -250,7 +255,7 @@ class _Reader:
                 here = replace(here, hazard="white that is mixed with what lies below it (mix-blend-mode)")
             region = self._region(element, here, style["fill-rule"])
         if stroked or not region.is_empty():
-            yield _Fill(region, fill or Paint(None, 0.0), stroked)
+            yield _Fill(region, fill or Paint(None, 0.0), stroked, here.groups)
 
     def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
         """Flatten a shape's outlines, each of which is closed, and give the region within, clipped, mm."""
@@ -283,8 +288,8 @@ class _Reader:
                 raise InputError("it fills an outline with a pattern: give it one colour")
             if server.tag in _GRADIENTS:
                 paint = self._gradient(server)
-        alpha = here.alpha * share(style[f"{key}-opacity"])
-        if paint is None or paint.alpha * alpha == 0:
+        alpha = share(style[f"{key}-opacity"])
+        if paint is None or paint.alpha * alpha * here.alpha == 0:
             return None
         return Paint(paint.rgb, paint.alpha * alpha)
 
@@ -324,7 +329,9 @@ class _Reader:
         declared, style = self.declared[part], self._style(part)
         if "objectBoundingBox" in (declared.get("clipPathUnits"), declared.get("maskContentUnits")):
             return replace(here, hazard=f"a {name} in units of a box")
-        inner = replace(here, style=style, clip=None, alpha=1.0, hazard="", clones=(*here.clones, part))
+        inner = replace(
+            here, style=style, clip=None, alpha=1.0, hazard="", groups=(), clones=(*here.clones, part)
+        )
         if style[key] != "none":
             inner = self._cut(inner, key)  # which a clip path's own transform does not move
         if key == "mask":
@@ -344,7 +351,7 @@ class _Reader:
         region = CrossSection()
         for fill in self._walk([(child, inner) for child in mask], self._fill):
             shows = inner.style["mask-type"] == "alpha" or min(fill.paint.rgb or (0,)) >= WHITE
-            whole = fill.paint.alpha >= OPAQUE and not fill.stroked
+            whole = fill.paint.alpha >= OPAQUE and not (fill.stroked or fill.groups)
             if not (whole and (shows or max(fill.paint.rgb or (255,)) <= 255 - WHITE)):
                 return None
             region = region + fill.region if shows else region - fill.region
@@ -428,12 +435,19 @@ def _seen(fills: list[_Fill], page: Rgb | None, remarks: list[str]) -> CrossSect
     white = _united(seen).area() - covered
     if white > WHOLE_PAGE * covered:
         remarks.append(f"{white:.4g} mm^2 of white that lie on no other colour are left out")
+    return _painted(fills, holes, 0)
+
+
+def _painted(fills: Iterable[_Fill], holes: set[Rgb | None], depth: int) -> CrossSection:
+    """Paint the fills of a group that has `depth` groups around it: its holes are holes in nothing below the group."""
     region = CrossSection()
-    for hole, group in groupby(fills, lambda fill: fill.paint.rgb in holes):
-        if hole:
-            region -= _united([fill for fill in group if fill.paint.alpha >= OPAQUE])
+    for part, same in groupby(fills, lambda fill: fill.groups[depth : depth + 1] or fill.paint.rgb in holes):
+        if isinstance(part, tuple):
+            region += _painted(same, holes, depth + 1)
+        elif part:
+            region -= _united([fill for fill in same if fill.paint.alpha >= OPAQUE])
         else:
-            region += _united(list(group))
+            region += _united(list(same))
     return region
 
 

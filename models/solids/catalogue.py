@@ -132,13 +132,9 @@ def _spool(
 
 
 def _bracket(
-    base: float = 40,
-    upright: float = 30,
-    width: float = 24,
-    thickness: float = 5,
-    rib: float = 15,
+    base: float = 40, upright: float = 30, width: float = 24, thickness: float = 5, rib: float = 15,
     hole: float = 8,
-) -> Manifold:
+) -> Manifold:  # fmt: skip
     """Make an angle bracket: a base with a hole, an upright with a slot, and a rib between them."""
     from manifold3d import Manifold
 

@@ -196,6 +196,12 @@ def test_what_is_seen_is_the_shape(tmp_path, body, area):
         (f'<rect width="100%" height="100%" fill="#F00"/>{WHITE}', 204, [255, 0, 0]),
         (f'{BLACK}<rect x="9" y="9" width="10" height="10" fill="#fff"/>', 476, [255, 255, 255]),
         (f'{BLACK}<rect x="9" y="9" width="10" height="10" fill="#fefefe"/>', 476, [254, 254, 254]),
+        (
+            f'<g opacity=".5">{BLACK}<rect x="9" y="9" width="10" height="10" fill="#fff"/></g>',
+            476,
+            [255] * 3,
+        ),
+        (f'{BLACK}<g opacity=".5"><path d="M9 9h9v9h-9z"/>{WHITE}</g>', 576, [255] * 3),
     ],
 )
 def test_the_page_is_no_ink_and_white_on_black_is_a_hole(tmp_path, body, area, paper):
