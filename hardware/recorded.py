@@ -297,5 +297,10 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
     head = b""
     with suppress(InputError), open_regular(places[0]) as file:
         head = file.read(_HEAD)
+    if b"ASCII_DATA @@" in head:
+        raise SourceError(
+            f"{places[0]} is a movie of Tekscan's I-Scan (ASF), whose frames state no times; write a table of it, "
+            "'time [s], t0, t1, ...' and a line a frame, SECONDS_PER_FRAME apart"
+        )
     packed = head.startswith(b"\x1f\x8b")
     return CsvReplay(places[0], device, log) if packed or is_text(head) else Replay(places[0])

@@ -66,7 +66,8 @@ class GuessedLines:
                 "nothing between two frames. Let it print a frame a line, or an empty line between two frames."
             )
         why = f"{self.odd!r} is no number" if self.odd else "a number is beyond what a reading may be"
-        return f"Lines of {self.columns} fields, which no device file reads: {why}. Let it print decimal numbers."
+        what = f"The device prints lines of {self.columns} fields, which no device file reads: {why}."
+        return f"{what} Let it print decimal numbers, for a dead taxel 0."
 
     def device_file(self) -> str:
         """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""

@@ -370,6 +370,15 @@ def test_lines_without_a_time_say_so_and_a_title_says_which_device_file_reads_a_
         CsvReplay(tmp_path / "a.log", csv_device(4))
 
 
+def test_a_movie_of_tekscan_is_refused_by_its_name(tmp_path):
+    head = "DATA_TYPE MOVIE\nROWS 2\nCOLS 2\nSECONDS_PER_FRAME 0.01\nASCII_DATA @@\n"
+    (tmp_path / "a.asf").write_text(head + "Frame 1\n1,B\n3,4\n\n" * 9 + "@@\n")
+    with pytest.raises(
+        InputError, match=r"a\.asf is a movie of Tekscan's I-Scan \(ASF\).* write a table of it"
+    ):
+        open_source([f"recording:{tmp_path / 'a.asf'}"], LINES)
+
+
 def test_a_taxel_that_is_nan_in_every_line_counts_as_0_and_is_said(tmp_path):
     for word in ("nan", ""):
         rows = [f"{20 * k},1,{word},{k if k != 70 else 'nan'},4" for k in range(80)]
