@@ -89,7 +89,9 @@ def _lines(console: Console) -> Iterator[Report]:
     """Write a line at each stage's end and every LINE_EVERY seconds, also while nothing new is reported."""
     start, ended = monotonic(), Event()
     latest: list[str] = []
-    began: dict[str, float] = {}  # when each stage had its first report
+    began: dict[
+        str, tuple[float, int]
+    ] = {}  # of each stage's first report: when it came, and how much was done
 
     def write() -> None:
         if latest:
@@ -97,9 +99,10 @@ def _lines(console: Console) -> Iterator[Report]:
 
     def report(stage: str, done: int, total: int) -> None:
         line = f"{STAGES.get(stage, stage)}: {done:,} of {total:,} done"
-        since = monotonic() - began.setdefault(stage, monotonic())
-        if 0 < done < total:
-            line += f", about {since * (total - done) / done:.0f} s left"
+        now = monotonic()
+        first, before = began.setdefault(stage, (now, done))
+        if before < done < total:
+            line += f", about {(now - first) * (total - done) / (done - before):.0f} s left"
         if latest != [line]:
             latest[:] = [line]
             if done == total:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactsim.bench.runs.pooled import HEADINGS, Figure
+from tactsim.bench.runs.pooled import HEADINGS, Figure, in_digits
 
 MISSING = "–"
 _HEADINGS = HEADINGS | {
@@ -20,29 +20,31 @@ def heading(figure: str) -> str:
     return _HEADINGS.get(name, f"{name.replace('_', ' ')} after {{}}" if at else name).format(at)
 
 
-def number(value: float | None, figure: str) -> str:
-    """Write a value of a figure with the digits that make sense in a table."""
-    name = figure.partition("@")[0]
-    if value is None:
-        return "later" if name in _READINGS else MISSING
-    if name in _READINGS:
-        return f"{value:.0f}"
-    if name == "efficiency":
-        return f"{value:.3g}"
-    return f"{value:.2f}" if name in ("error_mm", "error_all_mm", "sharpness_mm") else f"{value:.3f}"
+def number(found: Figure, figure: str) -> str:
+    """Write the value of a figure with the digits that make sense in a table."""
+    return _texts(found, figure)[0]
 
 
 def interval(found: Figure, figure: str) -> str | None:
     """Write the interval of a figure; None if it has none."""
-    if found.low is None:
-        return None
-    return f"{number(found.low, figure)}–{number(found.high, figure)}"
+    return None if found.low is None else "–".join(_texts(found, figure)[1:])
+
+
+def _texts(found: Figure, figure: str) -> list[str]:
+    name = figure.partition("@")[0]
+    if name in _READINGS:
+        return [
+            "later" if value is None else f"{value:.0f}" for value in (found.value, found.low, found.high)
+        ]
+    if found.value is None:
+        return [MISSING]
+    return in_digits(found, 2 if name in ("error_mm", "error_all_mm", "sharpness_mm", "efficiency") else 3)
 
 
 def text_of(found: Figure, figure: str) -> str:
     """Write a figure and its interval in one line."""
     between = interval(found, figure)
-    return number(found.value, figure) + (f" ({between})" if between else "")
+    return number(found, figure) + (f" ({between})" if between else "")
 
 
 def chance(p: float) -> str:

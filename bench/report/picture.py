@@ -90,7 +90,7 @@ def pareto_figure(group: Group) -> Figure:
     plain_log(left.yaxis)
     ticks = [tick for tick in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60, 100) if tick <= group.readings]
     never = any(point.settled is None for point in found)
-    right.set(yscale="log", ylabel="readings until 95 % of the trials are and stay right")
+    right.set(yscale="log", ylabel="readings until 95 % stay right")
     right.yaxis.set_major_locator(FixedLocator([*ticks, late] if never else ticks))
     right.yaxis.set_major_formatter(
         FuncFormatter(lambda value, _: "later" if value > group.readings else f"{value:g}")

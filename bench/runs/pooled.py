@@ -316,8 +316,21 @@ def cell(one: Pooled, figure: str) -> str:
         return value if low == high == value else f"{value} ({low}-{high})"
     if found.value is None:
         return "-"
-    digits = 2 if name in ("error", "efficiency", "sharpness") else 3
-    return f"{found.value:.{digits}f} ({found.low:.{digits}f}-{found.high:.{digits}f})"
+    value, low, high = in_digits(found, 2 if name in ("error", "efficiency", "sharpness") else 3)
+    return f"{value} ({low}-{high})"
+
+
+def in_digits(found: Figure, least: int) -> list[str]:
+    """Write a known figure and, if it has one, its interval, with so many decimals that the interval's ends differ.
+
+    least: how many at least. There are at most six: closer ends count as one.
+    """
+    numbers = [number for number in (found.value, found.low, found.high) if number is not None]
+    rounded = ([f"{number:.{digits}f}" for number in numbers] for digits in range(least, 6))
+    return next(
+        (texts for texts in rounded if len(set(texts[1:])) > 1 or found.low == found.high),
+        [f"{number:.6f}" for number in numbers],
+    )
 
 
 def figure_of(one: Pooled, figure: str) -> Figure:

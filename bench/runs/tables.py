@@ -54,17 +54,24 @@ def _rows(
     return rows
 
 
-def made_of(pools: Sequence[Pooled]) -> str:
-    """Say of how many scans and trials the figures of a table are."""
+def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:
+    """Say of how many scans and trials the figures of a table are, and how many bins were made of those asked for."""
     scans = sorted({len(one.runs) for one in pools})
     trials = sorted({len(one.trials.truth) for one in pools})
     over = "scans and trials" if scans[-1] > 1 else "trials of one scan"
     counts = [
         " or ".join(map(str, numbers[:-1])) + " or " * (len(numbers) > 1) for numbers in (scans, trials)
     ]
+    fewer = {
+        f"; {one.budget.text} bins are {made[1]} in equal steps"
+        for one in pools
+        if one.budget and (made := re.search(r"= ([\d,]+) bins", one.run.about["description"]))
+        if made[1] != one.budget.text
+    }
     return (
-        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')} for each figure; "
-        f"in brackets 95 % intervals over {over}"
+        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')} for each figure"
+        + f"; in brackets 95 % intervals over {over}" * intervals
+        + "".join(sorted(fewer))
     )
 
 

@@ -60,12 +60,12 @@ def _table(of: Standings) -> str:
 
 
 def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
-    accuracies = " / ".join(number(one.figure(f"accuracy@{at}").value, "accuracy") for at in seen)
+    accuracies = " / ".join(number(one.figure(f"accuracy@{at}"), "accuracy") for at in seen)
     bound = one.figure(f"efficiency@{of.readings}")
     again = f"{one.check.again} of {one.check.trials}" if one.check and one.confirmed else "unconfirmed"
     return [
         rank(one.rank), _escaped(one.label), text_of(one.figure(of.by), of.by), accuracies,
-        text_of(one.figure(last), last), number(bound.value, "efficiency"), f"{one.ms_per_reading:.3g}", again,
+        text_of(one.figure(last), last), number(bound, "efficiency"), f"{one.ms_per_reading:.3g}", again,
     ]  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from tactsim.bench.places import SWEEPS
 from tactsim.bench.report.collect import find
 from tactsim.bench.results import Run, load
 from tactsim.bench.runs.pooled import Pooled, cell, pool
-from tactsim.bench.runs.tables import markdown_table, plain_rows
+from tactsim.bench.runs.tables import made_of, markdown_table, plain_rows
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import counted, unknown
@@ -75,13 +75,8 @@ def _of_methods(pools: Sequence[Pooled], methods: Sequence[str]) -> list[Pooled]
 
 def _origin(sweep: str, pools: Sequence[Pooled], figures: Sequence[str]) -> str:
     """Say beneath a table how it was made."""
-    counts = sorted({len(of.trials.truth) for of in pools})
-    trials = f"{' or '.join(map(str, counts[:-1]))}{' or ' * (len(counts) > 1)}{counted(counts[-1], 'trial')}"
-    intervals = "in brackets 95 % intervals over scans and trials; " * any("," not in one for one in figures)
-    return (
-        f"*`bench sweep {sweep}`: {counted(len(pools[0].runs), 'scan')}, {trials} for each figure; "
-        f"{intervals}commit {_commit(pools[0].runs[0])}.*"
-    )
+    made = made_of(pools, any("," not in one for one in figures))
+    return f"*`bench sweep {sweep}`: {made}; commit {_commit(pools[0].runs[0])}.*"
 
 
 def _commit(run: Run) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.runs.pooled import Pooled, cell, pool, resampled, share
+from tactsim.bench.runs.pooled import Figure, Pooled, cell, in_digits, pool, resampled, share
 from tactsim.bench.score import wilson
 from tactsim.core import InputError
 
@@ -67,6 +67,13 @@ def test_figures_are_those_of_all_trials():
     assert dataclasses.astuple(one.all_right_from()) == (None, 2, None)
     assert cell(one, "settled_95") == "later (2-later)"
     assert cell(one, "right@2").startswith("0.750 (")
+    assert in_digits(Figure(0.051, 0.0482, 0.0549), 2) == [
+        "0.051",
+        "0.048",
+        "0.055",
+    ]  # 2 would end where it begins
+    assert in_digits(Figure(1.0, 1.0, 1.0), 2) == ["1.00", "1.00", "1.00"]
+    assert in_digits(Figure(0.0, 1e-9, 2e-9), 2) == ["0.000000"] * 3
     none = one.mean(one.trials.right[:, 0], of=np.zeros(4, dtype=bool))
     assert dataclasses.astuple(none) == (None, None, None)
 

@@ -37,7 +37,9 @@ def draw(kept, path):
         for processor in dict.fromkeys(processors):
             panel.plot(np.where(processors == processor, times, np.nan), "o-", label=processor)
         panel.set_xticks(range(len(kept)), [one["release"] for one in kept])
-        panel.set_title(name.removeprefix("test_").replace("_", " "), fontsize=9)
+        panel.set_title(
+            name.removeprefix("test_").replace("_", " ").replace("[", ", ").rstrip("]"), fontsize=9
+        )
         panel.set_ylim(0, 1.1 * np.nanmax(times))
     for panel in panels.flat[len(names) :]:
         panel.axis("off")

@@ -75,8 +75,8 @@ function readingsSection(task) {
       ...shown.map((run) =>
         h("tr", {},
           h("th", { scope: "row" }, swatch(run.method), run.label),
-          h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
-          h("td", {}, fixed(run.error[k], 2), k < run.readings && interval(run.errorLow[k], run.errorHigh[k], 2)),
+          h("td", {}, within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)),
+          h("td", {}, within(run.error[k], run.errorLow[k], run.errorHigh[k], 2)),
           h("td", {}, fixed(run.efficiency[k], 2)),
           h("td", {}, fixed(run.errorAll[k], 2)))),
     );
@@ -102,8 +102,8 @@ function paperSection(task) {
     const run = task.runs[one.run], k = one.readings - 1, last = task.readings - 1;
     return h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label), h("td", {}, one.bins ?? MISSING),
       h("td", {}, `${fixed(one.share, 2)} from ${one.readings} readings`),
-      h("td", {}, fixed(run.accuracy[k], 3), k < run.readings && interval(run.accuracyLow[k], run.accuracyHigh[k], 2)),
-      h("td", {}, one.error ?? MISSING), h("td", {}, fixed(run.error[last], 2), interval(run.errorLow[last], run.errorHigh[last], 2)));
+      h("td", {}, within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)),
+      h("td", {}, one.error ?? MISSING), h("td", {}, within(run.error[last], run.errorLow[last], run.errorHigh[last], 2)));
   });
   return section("Beside what the paper prints", scrolling("The paper's figures and those found here",
     h("table", { class: "values" }, heads(titles), h("tbody", {}, rows))),

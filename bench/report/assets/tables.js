@@ -15,7 +15,11 @@ const swatch = (method) => {
   return svg;
 };
 
-const interval = (low, high, digits) => h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`);
+// A figure, and small its interval, with as many decimals, `digits` at least, as tell the interval's ends apart.
+function within(value, low, high, digits) {
+  while (low < high && digits < 6 && fixed(low, digits) === fixed(high, digits)) digits++;
+  return [fixed(value, digits), typeof low === "number" && h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`)];
+}
 
 // The headline table of the runs of a task. A click on a heading sorts by it.
 function headlineTable(task) {
@@ -23,7 +27,7 @@ function headlineTable(task) {
   const share = (k) => ({
     heading: `right after ${k}`,
     value: (run) => run.accuracy[k - 1],
-    cell: (run) => [fixed(run.accuracy[k - 1], 3), interval(run.accuracyLow[k - 1], run.accuracyHigh[k - 1], 2)],
+    cell: (run) => within(run.accuracy[k - 1], run.accuracyLow[k - 1], run.accuracyHigh[k - 1], 3),
     best: Math.max,
   });
   const columns = [
@@ -36,7 +40,7 @@ function headlineTable(task) {
     {
       heading: `error after ${last}, mm`,
       value: (run) => run.error[last - 1],
-      cell: (run) => [fixed(run.error[last - 1], 2), interval(run.errorLow[last - 1], run.errorHigh[last - 1], 2)],
+      cell: (run) => within(run.error[last - 1], run.errorLow[last - 1], run.errorHigh[last - 1], 2),
       best: Math.min,
     },
     { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading), best: Math.min },
