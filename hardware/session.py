@@ -28,9 +28,8 @@ from tactsim.hardware.codecs.codec import STRICT
 _LIFTED = 5  # readings without touch after which a press is over
 _STILL_TOUCHED = 3.0  # s after which a person is told that something still touches the pad
 _STEADY = 0.03  # sd over mean that a steady hand may give force and image, in addition to the sensor's noise
-_SPREAD = (
-    4.0  # at most, for 4 readings or more: n var(total - noise variance) / sum of the noise variances squared
-)
+# At most, for 4 readings or more: n var(total - noise variance) / sum of the noise variances squared.
+_SPREAD = 4.0
 _GIVE_UP = 30.0  # s beyond its patience after which a machine's press is given up
 
 

@@ -141,9 +141,7 @@ class Stream:
             return True
         step = (frame.index - self._last_index.get(place, frame.index - 1)) % wrap
         self._last_index[place] = frame.index
-        if (
-            step > wrap // 2
-        ):  # it went back: the device began anew, and nothing can be said about what was lost
+        if step > wrap // 2:  # the device began anew, and nothing can be said about what was lost
             self._begin_anew()
         elif self._codec.speaks and step > 1:
             self.counters.missed += step - 1

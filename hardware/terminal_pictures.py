@@ -171,9 +171,8 @@ def _without_numbers(shares: FloatArray, room: tuple[int, int], colours: bool) -
     """Draw a character for two taxels, one above the other; without colours one for each. NaN: there is none."""
     rows, columns = shares.shape
     in_line = 2 if colours else 1  # a half block has two colours
-    every = max(
-        1, -(-columns // room[0]), -(-rows // (in_line * room[1]))
-    )  # taxels a side that share a place
+    # Taxels a side that share a place.
+    every = max(1, -(-columns // room[0]), -(-rows // (in_line * room[1])))
     filled = np.full((-(-rows // (in_line * every)) * in_line * every, -(-columns // every) * every), -np.inf)
     filled[:rows, :columns] = np.nan_to_num(shares, nan=-np.inf)
     places = filled.reshape(len(filled) // every, every, -1, every).max(axis=(1, 3))

@@ -63,8 +63,9 @@ def command(
 
     check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
     names = ("readings", "poses", "labels", "split")
-    table = source.suffix.lower() in TABLES
-    if table or source.suffix.lower() in SUFFIXES or formats.is_foreign(source):
+    table, hdf5 = source.suffix.lower() in TABLES, formats.find("hdf5")
+    foreign = source.suffix.lower() in hdf5.suffixes and hdf5.load().is_foreign(source)
+    if table or foreign or source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:
                 Scan.load(source)

@@ -84,15 +84,6 @@ def guess(path: str | Path) -> Format:
     )
 
 
-def is_foreign(path: Path) -> bool:
-    """Tell whether a file of HDF5 is somebody else's. Raises InputError if it is not whole or h5py is missing."""
-    form = FORMATS["hdf5"]
-    try:
-        return path.suffix.lower() in form.suffixes and path.exists() and not form.load().is_export(path)
-    except InputError as error:
-        raise InputError(f"cannot read {path} as {form.name}: {error}") from error
-
-
 def write(what: Scan | Run, path: str | Path, name: str) -> None:
     """Write a scan, or the trials of a run, in the format of that name: a new folder or a file, whole or not at all.
 

@@ -13,15 +13,8 @@ from tactsim.core import Scan
 from tactsim.core.scan import SPLITS
 
 # Licences that Hugging Face knows by their SPDX names in small letters; there are more, which become "other".
-_KNOWN_LICENCES = (
-    "CC-BY-4.0",
-    "CC-BY-SA-4.0",
-    "CC-BY-NC-4.0",
-    "CC0-1.0",
-    "MIT",
-    "Apache-2.0",
-    "BSD-3-Clause",
-)
+_CC = ("CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC0-1.0")
+_KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
 
 
 def card_of_scan(scan: Scan) -> str:

@@ -76,10 +76,13 @@ def write_run(run: Run, stream: IO[bytes]) -> None:
     stream.write(content.getbuffer())
 
 
-def is_export(path: Path) -> bool:
-    """Tell whether `write_scan` or `write_run` wrote a file. Raises InputError if it is no whole HDF5 file."""
-    with _opened(path) as file:
-        return str(file.attrs.get("kind", "")).startswith("tactsim")
+def is_foreign(path: Path) -> bool:
+    """Tell whether a file is a whole one of HDF5, and of somebody else."""
+    try:
+        with _opened(path) as file:
+            return not str(file.attrs.get("kind", "")).startswith("tactsim")
+    except InputError:
+        return False
 
 
 def read_named(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:

@@ -31,10 +31,8 @@ from tactsim.core.source_digest import source_digest
 KNOWN = Path(__file__).with_name("public_recordings.toml")
 _LARGEST = 1 << 28  # bytes of a file
 _WAIT_S = 30.0
-_LOADED, _IDLE = (
-    0.9,
-    0.1,
-)  # of a press's range of total load: frames above the first are its plateau, below it is idle
+# Of a press's range of total load: frames above the first are its plateau, below the second it is idle.
+_LOADED, _IDLE = 0.9, 0.1
 _READ_REVERSED = slice(5, 14)  # columns of the TactileDTMF pad that its readout has in reverse
 
 Presses = tuple[list[FloatArray], list[str]]  # of each press its readings (readings, taxels), and its label

@@ -74,9 +74,8 @@ def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
         layer = float(np.clip(gain, least, most))
     tilt = gain / layer
     tilt_x, tilt_y = (tilt * fit.tilt_offset).tolist()
-    bend = (
-        1.0 if bent else fit.response
-    )  # what a response that is left out did to what presses and taxels differ by
+    # What a response that is left out did to what presses and taxels differ by.
+    bend = 1.0 if bent else fit.response
     return {
         "placement_mm": fit.placement_mm,
         "placement_rad": fit.placement_rad,

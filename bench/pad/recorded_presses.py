@@ -20,10 +20,8 @@ from tactsim.press.scanning import letters_of
 from tactsim.press.touches import Pressed, Touches
 
 _GRAZES = 0.2  # of what most presses feel at most: one that is to feel less is not judged by its picture
-_IDLE, _FITS = (
-    0.05,
-    0.05,
-)  # of what most feel at most; the least cosine with what is pressed in the simulation
+# Of what most feel at most; the least cosine with what is pressed in the simulation.
+_IDLE, _FITS = 0.05, 0.05
 _LEAST_AREA = 0.3  # of a letter's, that is left of it if its outline is moved inwards
 
 

@@ -250,9 +250,8 @@ class Joining(Listening):
     def __init__(self, packets: int, *listening: Any) -> None:
         super().__init__(*listening)
         self._packets = packets
-        self._open: dict[
-            int, list[tuple[Frame, float]]
-        ] = {}  # by address: packets so far, and when they came
+        # By address: packets so far, and when they came.
+        self._open: dict[int, list[tuple[Frame, float]]] = {}
 
     def take(self, packet: Frame, began: float) -> Frame | None:
         """Keep a packet; returns its frame when it was the last one."""

@@ -175,14 +175,12 @@ class Polling(Dialogue):
             self._reads.append((INDEX_REGISTER, 4))
         self._id = 0
         self._turn = 0  # whose turn it is
-        self._have: list[
-            tuple[Reply, float]
-        ] = []  # answers so far, of `_reads`, and when they were asked for
+        # Answers so far, of `_reads`, and when they were asked for.
+        self._have: list[tuple[Reply, float]] = []
         self._asked: tuple[Question, float] | None = None
         self._right: set[int] = set()  # sensors whose settings agree with the device file
-        self._doubted: dict[
-            int, bytes
-        ] = {}  # by sensor: settings that do not; bits can flip, so they are asked again
+        # By sensor: settings that do not; bits can flip, so they are asked again.
+        self._doubted: dict[int, bytes] = {}
         self._to_set: set[int] = set()  # sensors whose accumulator is to be set next
 
     def request(self, now: float) -> bytes:

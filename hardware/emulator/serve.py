@@ -7,6 +7,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
 
@@ -22,22 +23,17 @@ _AWAY = 0.3  # s for which a cut line stays down
 _NAP = 0.02  # s: the longest time between looks at the clock
 
 
+@dataclass
 class _Clock:
     """Seconds since the first host connected; the emulation begins then."""
 
-    def __init__(self) -> None:
-        self._start: float | None = None
-
-    @property
-    def started(self) -> bool:
-        return self._start is not None
+    started: float | None = None
 
     def start(self) -> None:
-        if self._start is None:
-            self._start = time.monotonic()
+        self.started = time.monotonic() if self.started is None else self.started
 
     def now(self) -> float:
-        return 0.0 if self._start is None else time.monotonic() - self._start
+        return 0.0 if self.started is None else time.monotonic() - self.started
 
 
 def serve_pty(
@@ -168,7 +164,7 @@ def _talk(
     while not stop.is_set():
         if not line.connected():
             pending = b""
-            if clock.started:
+            if clock.started is not None:
                 device.unheard(clock.now())
             stop.wait(_NAP)
             continue
