@@ -628,9 +628,12 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
             f"readings have the shape {np.shape(values)}; a pad of {pad.rows}x{pad.columns} taxels asks for (presses, "
             f"{pad.taxels}), (presses, {pad.rows}, {pad.columns}), or several images of each press between the two"
         )
-    if array.ndim == 3:  # where some images of a press have a number
-        array = np.ma.array(array, mask=np.isnan(array)).mean(axis=1).filled(np.nan)
-    return array
+    if array.ndim == 2:
+        return array
+    lost = np.isnan(array)  # of what some images of a press say, the mean is taken
+    return (
+        np.ma.array(array, float, mask=lost).mean(axis=1).filled(np.nan) if lost.any() else array.mean(axis=1)
+    )
 
 
 def names_of(values: Any, what: str) -> NDArray[np.str_]:

@@ -50,6 +50,13 @@ def test_datasets_of_hdf5_are_imported_by_their_names(tmp_path, here):
     assert Scan.load(tmp_path / "scan.npz").digest == wanted.digest
 
 
+@pytest.mark.parametrize("kind", ["float16", "float32", "int16"])
+def test_images_of_a_press_are_averaged_in_whatever_type_they_are(kind):
+    images = (np.random.default_rng(0).random((4, 9, 6)) * 30_000).astype(kind)
+    scan = Scan.from_arrays(images, POSES, list("ABAB"), pad=PAD, unit="count")
+    assert np.array_equal(scan.readings, images.mean(axis=1).astype(float))
+
+
 def test_a_taxel_without_a_number_in_a_press_is_left_out_and_said(tmp_path, caplog):
     images = np.repeat(READINGS[:, None], 3, axis=1)
     images[2, :, 5] = images[1, 1, 0] = np.nan
