@@ -79,8 +79,8 @@ def guess(path: str | Path) -> Format:
     known = [suffix for one in FORMATS.values() for suffix in one.suffixes]
     raise InputError(
         f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "
-        "writes them, readings, poses and labels together in a .npz (numpy.savez) or .mat file, and a press a row in "
-        "a .csv file"
+        "writes them, readings, poses and labels together in a .npz (numpy.savez), .mat or .h5 file, and a press a row "
+        "in a .csv file"
     )
 
 
