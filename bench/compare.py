@@ -32,8 +32,8 @@ _ENOUGH_PAIRS = 30
 class Difference:
     """One compared figure: both values, new minus base with its interval, and what that means.
 
-    verdict: "worse", "better" or "same" (the interval holds 0) for a gated figure, "" for one that is
-    only reported. p: exact McNemar test, where there is one.
+    verdict: "worse", "better", "same" (the interval holds 0) or "too few" (pairs to decide by) for a gated figure, ""
+    for one that is only reported. p: exact McNemar test, where there is one.
     """
 
     name: str
@@ -115,7 +115,7 @@ def paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generato
     """Compare a figure trial by trial, (n,) each; good: +1 if more is better, -1 if less is."""
     low, high = paired_interval(new - base, rng, LEVEL)
     worse, better = (high < 0, low > 0) if good > 0 else (low > 0, high < 0)
-    verdict = "worse" if worse else "better" if better else "same"
+    verdict = "worse" if worse else "better" if better else "same" if len(base) >= FEWEST_PAIRS else "too few"
     return Difference(name, float(base.mean()), float(new.mean()), low, high, verdict=verdict)
 
 

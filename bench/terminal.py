@@ -88,23 +88,21 @@ def _bars(console: Console) -> Iterator[Report]:
 def _lines(console: Console) -> Iterator[Report]:
     """Write a line at each stage's end and every LINE_EVERY seconds, also while nothing new is reported."""
     start, ended = monotonic(), Event()
-    latest: list[str] = []
-    began: dict[
-        str, tuple[float, int]
-    ] = {}  # of each stage's first report: when it came, and how much was done
+    latest: list[tuple[str, int, int]] = []
+    began: dict[str, tuple[float, int]] = {}  # when each stage had its first report, and how much was done
 
     def write() -> None:
-        if latest:
-            console.print(f"{latest[0]}, {monotonic() - start:.0f} s since the start")
+        for stage, done, total in latest:
+            line, now = f"{STAGES.get(stage, stage)}: {done:,} of {total:,} done", monotonic()
+            first, before = began[stage]
+            if before < done < total:
+                line += f", about {(now - first) * (total - done) / (done - before):.0f} s left"
+            console.print(f"{line}, {now - start:.0f} s since the start")
 
     def report(stage: str, done: int, total: int) -> None:
-        line = f"{STAGES.get(stage, stage)}: {done:,} of {total:,} done"
-        now = monotonic()
-        first, before = began.setdefault(stage, (now, done))
-        if before < done < total:
-            line += f", about {(now - first) * (total - done) / (done - before):.0f} s left"
-        if latest != [line]:
-            latest[:] = [line]
+        began.setdefault(stage, (monotonic(), done))
+        if latest != [(stage, done, total)]:
+            latest[:] = [(stage, done, total)]
             if done == total:
                 write()
 

@@ -270,7 +270,7 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) ->
         best = list(estimate.probabilities)[int(p.argmax())]
         return f"names {estimate.label} (p = {own:.4g}), and {best} is more probable (p = {p.max():.4g})"
     if pose.shape != (length,) or not (np.abs(pose) <= LARGEST).all():
-        return f"has the pose {short(pose.tolist())}, which is no finite {kind}"
+        return f"has the pose {short(pose.tolist())}, which is no finite {kind} up to {LARGEST:g}"
     if in_space and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
         return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"
     samples = estimate.samples

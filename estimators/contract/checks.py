@@ -335,7 +335,7 @@ def letters_that_are_one_share_its_probability(case: Case) -> None:
     for seed in (0, 1):
         for _, probabilities, _ in answers(estimator, *case.trial(count=6), seed):
             even = all(abs(p - 1 / 3) < 1e-9 for p in probabilities.values())
-            message = f"three labels of the same readings: {probabilities}"
+            message = f"three labels of the same readings are not equally probable: {probabilities}"
             _hold(set(probabilities) == set("ABC") and even, message)
 
 

@@ -62,7 +62,7 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
         close = [one for one in names if one.lower() == name.lower()]
         close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names)}")
+    return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names) or 'none'}")
 
 
 def was_interrupt(error: SystemError) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.compare import FEWEST_PAIRS, compare, mcnemar, paired_interval
+from tactsim.bench.compare import FEWEST_PAIRS, compare, mcnemar, paired, paired_interval
 from tactsim.core import InputError
 from tactsim.estimators import NONE
 
@@ -96,6 +96,10 @@ def test_few_equal_pairs_are_called_different_no_more_often_than_stated(count, d
     beyond = np.mean([low > 0 or high < 0 for low, high in found])
     assert beyond <= 0.025 + 3 * np.sqrt(0.025 * 0.975 / 4000)
     assert (beyond == 0) == (count < FEWEST_PAIRS)
+    few = paired(
+        "", np.zeros(count), 10 + rng.random(count), rng, -1
+    )  # all worse, and nobody knows below seven
+    assert few.verdict == ("too few" if count < FEWEST_PAIRS else "worse")
 
 
 def test_runs_of_other_trials_or_protocols_are_not_compared():

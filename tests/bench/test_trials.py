@@ -273,7 +273,7 @@ ANSWERS = {
     "nan": (Estimate("A", EVEN | {"A": np.nan}, np.zeros(3)), "do not sum to 1"),
     "wrong label": (Estimate("X", EVEN, np.zeros(3)), "names 'X'"),
     "nan pose": (Estimate("A", EVEN, np.array([0.0, np.nan, 0.0])), "no finite"),
-    "far pose": (Estimate("A", EVEN, np.array([0.0, 1e300, 0.0])), "no finite"),
+    "far pose": (Estimate("A", EVEN, np.array([0.0, 1e300, 0.0])), "no finite [x, y, theta] up to 1e+09"),
     "short pose": (Estimate("A", EVEN, np.zeros(2)), "no finite"),
 }
 

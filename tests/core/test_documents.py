@@ -111,6 +111,7 @@ def test_a_strangers_text_is_made_harmless():
     assert len(short("x" * 10**6)) < 100
     assert short(16**5000).startswith("a number")
     assert len(str(unknown("thing", "x" * 10**6, ["a", "b"]))) < 200
+    assert str(unknown("option", "x", [])) == "unknown option 'x': known are none"
 
 
 class Wanted(BaseModel):
