@@ -309,6 +309,8 @@ def parse_letters(text: str) -> tuple[str, ...]:
     Spaces and commas only separate; "A-E" is every name of the catalogue from A to E. Raises InputError for a
     name that is not in the catalogue, a range that runs backwards, or an empty set.
     """
+    if "." in text:
+        raise InputError(f"letters {text!r}: a file with a shape of your own is given by --shape")
     found: list[str] = []
     known = names()
     for first, last, single in re.findall(r"(\S)-(\S)|([^\s,])", text):

@@ -139,11 +139,12 @@ def _load(content: bytes, kind: str) -> Trimesh:
             warnings.simplefilter("ignore")
             # NumPy's, of numbers that end in something else.
             warnings.simplefilter("error", DeprecationWarning)
-            if encoding_of(content) == "utf-16" and (kind != "stl" or _binary_stl_faces(content) is None):
+            is_text = kind in ("obj", "ply") or (kind == "stl" and _binary_stl_faces(content) is None)
+            if is_text and encoding_of(content) == "utf-16":
                 content = content.decode("utf-16").encode("utf-8-sig")
             _check_claims(content, kind)
-            if kind in ("obj", "ply"):
-                corners, polygons = (_obj if kind == "obj" else _ply)(content)
+            if is_text:
+                corners, polygons = {"obj": _obj, "ply": _ply, "stl": _text_stl}[kind](content)
                 mesh = Trimesh(corners, _triangles(corners, polygons), process=False)
             else:
                 content = {"stl": _whole_stl, "3mf": _one_model}.get(kind, bytes)(content)
@@ -178,13 +179,15 @@ def _text(content: bytes) -> str:
 
 
 def _whole_stl(content: bytes) -> bytes:
-    """Cut off what follows a binary STL's facets; give a text STL a line for each corner, no names and no normals."""
-    faces = _binary_stl_faces(content)
-    if faces is not None:
-        return content[: 84 + 50 * faces]
-    text = re.sub(r"(?i)\b(end)?solid\b(?:(?!facet\s+normal)[^\n])*", r"\1solid\n", _text(content))
-    text = re.sub(r"(?i)\b(facet\s+normal)(?:[^\S\n]+\S+){3}", r"\1 0 0 0\n", text)
-    return re.sub(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", r"\nvertex \1 \2 \3\n", text).encode()
+    """Cut off what follows a binary STL's facets."""
+    return content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
+
+
+def _text_stl(content: bytes) -> tuple[FloatArray, list[list[int]]]:
+    """Read the corners (v, 3) and facets of a text STL; trimesh wants a line for each corner, and good normals."""
+    text = re.sub(r"\b(?:end)?solid\b(?:(?!facet\s+normal)[^\n])*", "", _text(content).lower())  # names
+    corners = np.array(re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text), dtype=float).reshape(-1, 3)
+    return corners, np.arange(len(corners)).reshape(-1, 3).tolist()
 
 
 def _check_archive(archive: zipfile.ZipFile) -> None:

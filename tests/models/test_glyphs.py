@@ -99,8 +99,12 @@ def test_letter_sets(text, expected):
     assert "".join(models.parse_letters(text)) == expected
 
 
-@pytest.mark.parametrize("text", ["", "a", "A-", "U-A", "A\nB;"])
-def test_wrong_letter_sets_are_one_line(text):
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("", "no letters"), ("a", ""), ("A-", ""), ("U-A", ""), ("A\nB;", ""), ("a.svg", "by --shape")],
+)
+def test_wrong_letter_sets_are_one_line(text, expected):
     with pytest.raises(InputError) as error:
         models.parse_letters(text)
     assert "\n" not in str(error.value)
+    assert expected in str(error.value)

@@ -166,7 +166,7 @@ def test_name_height_and_rounding_can_be_given(tmp_path):
     assert shape.volume < 1000
     assert "rounding" in refusal(path, rounding=6)
     assert "height" in refusal(path, height=-1)
-    for name in ("", "a\nb", "x" * 41):
+    for name in ("", "a\nb", "x" * 41, "none"):
         with pytest.raises(InputError, match="name"):
             models.shape(path, name=name)
 
