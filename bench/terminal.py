@@ -377,9 +377,8 @@ def print_bound(found: Bound) -> None:
     if values["no_bayes"]:
         console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
-        "right, error: exact Bayes, which knows the press. bound: Cramer and Rao's, over the share `trials` of the "
-        "trials, those that their readings determine to "
-        f"{values['determined_below_mm']:.2g} mm; - where these are too few, and the bound is the prior's."
+        "right, error: of exact Bayes, which knows the press; bound: Cramer-Rao, over the share `trials` of trials "
+        f"whose readings determine the pose to {values['determined_below_mm']:.2g} mm; -: such trials are too few"
     )
 
 

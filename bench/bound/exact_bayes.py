@@ -94,6 +94,10 @@ class ExactBayes(Estimator):
         self._cells: _Cells | None = None
         self._evaluations = 0
 
+    def describe(self) -> str:
+        """Say how fine the cells are."""
+        return f"cells split until each holds at most {self.options.split:g} of the belief"
+
     def fit(self, scan: Scan) -> None:
         """Take from the scan how it was pressed, and of which letters; none of its readings is looked at."""
         options = stated_options(scan)

@@ -63,13 +63,13 @@ def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:
         " or ".join(map(str, numbers[:-1])) + " or " * (len(numbers) > 1) for numbers in (scans, trials)
     ]
     fewer = {
-        f"; {one.budget.text} bins are {made[1]} in equal steps"
+        f"; {one.budget.text} bins: {made[1]} in equal steps"
         for one in pools
         if one.budget and (made := re.search(r"= ([\d,]+) bins", one.run.about["description"]))
         if made[1] != one.budget.text
     }
     return (
-        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')} for each figure"
+        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')}"
         + f"; in brackets 95 % intervals over {over}" * intervals
         + "".join(sorted(fewer))
     )

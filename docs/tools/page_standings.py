@@ -85,7 +85,7 @@ def _origin(of: Standings) -> str:
         return "*No method has a score.*"
     commits = sorted({short_commit(one.bundle.commit) for one in of.ranked})
     return (
-        f"*`bench submit {of.task}`: {len(of.ranked[0].bundle.runs)} scans, {of.trials} trials for each figure; in "
+        f"*`bench submit {of.task}`: {len(of.ranked[0].bundle.runs)} scans, {of.trials} trials; in "
         f"brackets 95 % intervals over scans and trials; commit {', '.join(commits)}.*"
     )
 

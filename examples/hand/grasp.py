@@ -184,6 +184,9 @@ def draw(
     axes = figure.subplots(1, 6, width_ratios=[3.2, 1, 1, 1, 1, 1])
     draw_scene(axes[0], model, data)
     draw_pads(axes[1:], readings, 150.0)
+    scale = figure.colorbar(axes[-1].images[0], ax=axes[1:], fraction=0.04, pad=0.02, ticks=[0, 50, 100, 150])
+    scale.set_label("kPa", size=8)
+    scale.ax.tick_params(labelsize=7)
 
 
 def frame(

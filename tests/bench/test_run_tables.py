@@ -44,7 +44,7 @@ def test_one_scan_has_the_interval_that_a_run_prints():
     assert float(found["right@1_high"]) == pytest.approx(float(high))
     assert made_of([one]).endswith("over trials of one scan")
     one.run.about["description"] = "25 x 25 x 15 = 9,375 bins a letter"
-    assert made_of([one]).endswith("over trials of one scan; 10,000 bins are 9,375 in equal steps")
+    assert made_of([one]).endswith("over trials of one scan; 10,000 bins: 9,375 in equal steps")
 
 
 def test_latex_escapes_what_means_something_to_it_and_sets_intervals():

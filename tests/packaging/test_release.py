@@ -7,7 +7,7 @@ import pytest
 from building import ROOT
 from release_check import faults
 
-TABLE = "*`bench sweep better`: 5 scans, 500 trials for each figure; commit {}.*\n"
+TABLE = "*`bench sweep better`: 5 scans, 500 trials; commit {}.*\n"
 
 
 def git(root, *words):
