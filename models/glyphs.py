@@ -285,9 +285,8 @@ def _eight() -> CrossSection:
 
 def _nine() -> CrossSection:
     radius = 7.8
-    return _ring(radius, CAP_HEIGHT - radius, radius, THIN) + _bar(
-        2 * radius - THIN, 0, 2 * radius, CAP_HEIGHT - radius
-    )
+    stem = _bar(2 * radius - THIN, 0, 2 * radius, CAP_HEIGHT - radius)
+    return _ring(radius, CAP_HEIGHT - radius, radius, THIN) + stem
 
 
 GLYPHS: dict[str, Callable[[], CrossSection]] = {

@@ -147,7 +147,10 @@ def _load(content: bytes, kind: str) -> Trimesh:
                 corners, polygons = {"obj": _obj, "ply": _ply, "stl": _text_stl}[kind](content)
                 mesh = Trimesh(corners, _triangles(corners, polygons), process=False)
             else:
-                content = {"stl": _whole_stl, "3mf": _one_model}.get(kind, bytes)(content)
+                if kind == "stl":  # without what follows its facets
+                    content = content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
+                elif kind == "3mf":
+                    content = _one_model(content)
                 # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
                 # Its postprocessing makes bodies of one name in a 3MF one.
                 scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False, postprocess=False)
@@ -176,11 +179,6 @@ def _text(content: bytes) -> str:
     """Decode a text file, with or without a byte order mark; what is not ASCII is in names and comments only."""
     text = content.removeprefix(codecs.BOM_UTF8).decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _whole_stl(content: bytes) -> bytes:
-    """Cut off what follows a binary STL's facets."""
-    return content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
 
 
 def _text_stl(content: bytes) -> tuple[FloatArray, list[list[int]]]:

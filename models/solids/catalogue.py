@@ -143,9 +143,8 @@ def _bracket(
     side = polygon((0, 0), (reach, 0), (reach, thickness), (thickness, reach), (0, reach))
     # An outline lies in the xy plane: turned by 90 degrees about x it stands along y.
     web = side.extrude(4).rotate((90, 0, 0)).translate((0, width / 2 + 2, 0))
-    drill = Manifold.cylinder(thickness + 2, hole / 2, circular_segments=36).translate(
-        (0.75 * base, width / 2, -1)
-    )
+    drill = Manifold.cylinder(thickness + 2, hole / 2, circular_segments=36)
+    drill = drill.translate((0.75 * base, width / 2, -1))
     slot = (disc(0, -3, 2.5, 24) + disc(0, 3, 2.5, 24)).hull().extrude(thickness + 2)
     slot = slot.rotate((0, 90, 0)).translate((-1, width / 2, upright - 5))
     return plates + web - drill - slot
