@@ -212,14 +212,14 @@ def _recognise(
             slip=plan.slip, observe=keep,
         )  # fmt: skip
     true_pose, pose = trial.true_pose[0], trial.pose[0]
-    labels = tuple(estimates[0].probabilities)
+    labels = tuple(dict.fromkeys(label for e in estimates for label in e.probabilities))
     return Recognition(
         entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
         labels=labels, label=trial.label[0].tolist(),
         pressures=np.array(pressures),
         sensor_in_object=compose(true_pose, np.array(touched)),
         estimate_in_object=compose(true_pose, invert(pose)),
-        probabilities=np.array([[e.probabilities[label] for label in labels] for e in estimates]),
+        probabilities=np.array([[e.probabilities.get(label, 0.0) for label in labels] for e in estimates]),
         robot_in_object=pose, true_pose=true_pose,
         error=errors(trial, entry.run.objects)[0],
         region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0],

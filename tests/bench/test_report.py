@@ -382,6 +382,21 @@ def test_a_trial_done_again_is_the_recorded_one(runs):
         assert trial.probabilities.max(axis=1) == pytest.approx(run.trials.p_label[row[0]])
 
 
+def test_labels_that_an_estimate_leaves_out_have_no_probability(runs, monkeypatch):
+    run_trial = replay.run_trial
+
+    def sure(*of, observe, **how):
+        def keep(estimate, touch):
+            observe(replace(estimate, probabilities={estimate.label: 1.0}), touch)
+
+        return run_trial(*of, observe=keep, **how)
+
+    monkeypatch.setattr(replay, "run_trial", sure)
+    (one,), _ = replay.replay_all(collect(loaded([runs.large])), {})
+    assert any(len(trial.labels) > 1 for trial in one.recognitions)
+    assert all((trial.probabilities.sum(axis=1) == 1).all() for trial in one.recognitions)
+
+
 def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
     (one,), _ = replay.replay_all(collect(loaded([runs.large])), {})
     trial = one.recognitions[0]
