@@ -74,7 +74,7 @@ def cut(
     }  # fmt: skip
     whole = {
         name: np.concatenate([getattr(piece, name) for piece in pieces])
-        for name in Scan._A_READING
+        for name in Scan.PER_READING
         if getattr(scan, name) is not None
     }
     pad = _pad_of_window(scan.about["pad"], rows, columns)

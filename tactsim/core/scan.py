@@ -105,7 +105,7 @@ class Scan:
     POSE: ClassVar[tuple[str, ...]] = POSE
     _ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
     _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
-    _A_READING: ClassVar[tuple[str, ...]] = (
+    PER_READING: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
         "moments", "views",
     )  # fmt: skip
@@ -397,7 +397,7 @@ class Scan:
 
     def chosen(self, chosen: NDArray[Any]) -> Self:
         """Select readings by a mask (n,), or by their numbers (k,), in the order of these."""
-        given = [name for name in self._A_READING if getattr(self, name) is not None]
+        given = [name for name in self.PER_READING if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in given})
 
     def save(self, path: str | Path) -> None:

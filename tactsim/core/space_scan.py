@@ -42,7 +42,7 @@ class SpaceScan(Scan):
         "readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch",
     )  # fmt: skip
     _OPTIONAL: ClassVar[tuple[str, ...]] = ()
-    _A_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch")
+    PER_READING: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "touch")
     _MADE_BY: ClassVar[str] = "`bench scan --task solids --out FILE`"
 
     def _check_arrays(self) -> None:
