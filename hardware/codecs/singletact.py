@@ -39,8 +39,7 @@ FOOTER = b"\xfe\xfe\xfe\xfe"
 READ, WRITE = 1, 2
 MOST_READ = 32  # bytes in one answer
 DATA = 12  # where an answer's data begin
-MAX_TAXELS = 25
-INDEX_REGISTER, OUTPUT_REGISTER = 128, 132  # frame index (2), device time (2), then 2 bytes a taxel
+INDEX_REGISTER = 128  # frame index (2), device time (2), then 2 bytes a taxel
 REGISTERS = 192
 ACCUMULATOR_REGISTER, ELEMENTS_REGISTER = 5, 12
 SETTINGS = 8  # bytes from the accumulator's register to that of the number of elements
@@ -79,7 +78,7 @@ class SingleTactFormat(CodecFormat):
     usual_address: ClassVar[int] = 4
 
     kind: Literal["singletact"]
-    taxels: int = Field(1, ge=1, le=MAX_TAXELS, description="taxels of one sensor (register 12)")
+    taxels: int = Field(1, ge=1, le=25, description="taxels of one sensor (register 12)")
     full_scale_kpa: float = Field(
         gt=0, description="kPa at output 767, the rated pressure of the sensor", examples=[100.0]
     )

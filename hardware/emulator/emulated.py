@@ -16,9 +16,7 @@ from tactsim.hardware.codecs.singletact import (
     FOOTER,
     HEADERS,
     INDEX_REGISTER,
-    MAX_TAXELS,
     MOST_READ,
-    OUTPUT_REGISTER,
     READ,
     REGISTERS,
     WRITE,
@@ -136,24 +134,15 @@ class EmulatedSingleTact(Emulated):
     """SingleTact sensors behind the maker's bridge, which answers one request at a time.
 
     silent: addresses that do not answer; for them the bridge sends old bytes after 100 ms and its
-    timed-out flag stays 0, as the real one's does. elements: what register 12 says, None for the device file's
-    number. A sensor measures `rate` frames a second as it is shipped, with 32 samples a frame, and more with fewer.
+    timed-out flag stays 0, as the real one's does. A sensor measures `rate` frames a second as it is shipped, with 32
+    samples a frame, and more with fewer.
     """
 
     _codec: SingleTactCodec
 
-    def __init__(
-        self,
-        device: Device,
-        pressures: Pressures,
-        rate: float,
-        link: int = 0,
-        silent: frozenset[int] = frozenset(),
-        elements: int | None = None,
-    ) -> None:
+    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
         super().__init__(device, pressures, rate, link)
-        self.silent = silent
-        self._elements = self._codec.taxels if elements is None else elements
+        self.silent: frozenset[int] = frozenset()
         # By sensor: when its rate last changed, the frames until then, and the samples of a frame.
         self._counted = {address: (0.0, 0.0, _SAMPLES[_SHIPPED]) for address, _ in self._parts}
         self._heard = b""
@@ -222,9 +211,8 @@ class EmulatedSingleTact(Emulated):
         settings[0] = address
         settings[ACCUMULATOR_REGISTER] = _SHIPPED
         settings[10:12] = (100).to_bytes(2, "big")
-        settings[ELEMENTS_REGISTER] = self._elements
+        settings[ELEMENTS_REGISTER] = self._codec.taxels
         settings[15 : 15 + self._codec.taxels] = bytes(range(self._codec.taxels))
-        assert self._codec.taxels <= MAX_TAXELS
         return settings
 
     def _memory(self, address: int, now: float) -> bytes:
@@ -237,7 +225,6 @@ class EmulatedSingleTact(Emulated):
             self.values(wiring, now - (frames - frame) / self._per_second(address)).astype(">u2").tobytes()
         )
         memory = bytes(self._settings[address]) + head + output
-        assert len(head) == OUTPUT_REGISTER - INDEX_REGISTER
         return memory.ljust(REGISTERS, b"\0")
 
 

@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Event
 
@@ -60,7 +61,9 @@ def serve_pty(
             if link is not None:
                 _point(link, name)
             ready(str(link or name))
-            _talk(_PtyLine(master), device, faults, rng, clock, stop)
+            os.set_blocking(master, False)
+            line = _Line(master, partial(os.read, master), partial(os.write, master), gone_for_good=False)
+            _talk(line, device, faults, rng, clock, stop)
         finally:
             if link is not None and link.is_symlink() and str(link.readlink()) == name:  # and not another's
                 link.unlink()
@@ -96,18 +99,26 @@ def serve_tcp(
             with connection:
                 connection.setblocking(False)
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                _talk(_TcpLine(connection), device, faults, rng, clock, stop)
+                line = _Line(connection.fileno(), connection.recv, connection.send, gone_for_good=True)
+                _talk(line, device, faults, rng, clock, stop)
 
 
-class _PtyLine:
-    """The device's end of a pty."""
+@dataclass(frozen=True)
+class _Line:
+    """The device's end of a pty, which another host may open again, or of a connection, which is `gone_for_good`.
 
-    def __init__(self, master: int) -> None:
-        os.set_blocking(master, False)
-        self.fileno = master
+    receive(most) and send(data): as those of a file or a socket that does not block.
+    """
+
+    fileno: int
+    receive: Callable[[int], bytes]
+    send: Callable[[bytes], int]
+    gone_for_good: bool
 
     def connected(self) -> bool:
-        """Tell whether a host has the other end open."""
+        """Tell whether a host has the other end open; a connection has one until it is gone."""
+        if self.gone_for_good:
+            return True
         poll = select.poll()
         poll.register(self.fileno, select.POLLHUP)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
@@ -115,43 +126,13 @@ class _PtyLine:
     def read(self) -> bytes:
         """Read what the host sent; b"" if it has gone."""
         try:
-            return os.read(self.fileno, 4096)
+            return self.receive(4096)
         except OSError:
             return b""
-
-    def write(self, data: bytes) -> int:
-        """Write as much as there is room for."""
-        return os.write(self.fileno, data)
-
-    gone_for_good = False  # another host may open the same pty
-
-
-class _TcpLine:
-    """The device's end of a connection."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection, self.fileno = connection, connection.fileno()
-
-    def connected(self) -> bool:
-        """Tell that a connection has a host until it is gone."""
-        return True
-
-    def read(self) -> bytes:
-        """Read what the host sent; b"" if it has gone."""
-        try:
-            return self._connection.recv(4096)
-        except OSError:
-            return b""
-
-    def write(self, data: bytes) -> int:
-        """Write as much as there is room for."""
-        return self._connection.send(data)
-
-    gone_for_good = True
 
 
 def _talk(
-    line: _PtyLine | _TcpLine,
+    line: _Line,
     device: Emulated,
     faults: Faults,
     rng: np.random.Generator,
@@ -185,11 +166,11 @@ def _talk(
             return
 
 
-def _write(line: _PtyLine | _TcpLine, data: bytes) -> bytes:
+def _write(line: _Line, data: bytes) -> bytes:
     """Write what fits and return the rest."""
     try:
         while data:
-            data = data[line.write(data) :]
+            data = data[line.send(data) :]
     except BlockingIOError:
         pass
     except OSError:  # the host went away meanwhile
