@@ -191,17 +191,11 @@ def find_stuck(values: FloatArray) -> NDArray[np.int64]:
 
 def _most_beside(taxel_xy: FloatArray, chosen: NDArray[np.intp]) -> int:
     """Count the taxels of the largest group of chosen ones in which each has a neighbour, straight or diagonal."""
-    step = 1.6 * pitch(taxel_xy)
-    left, most = set(chosen.tolist()), 0
-    while left:
-        group, new = set[int](), {left.pop()}
-        while new:
-            group |= new
-            left -= new
-            near = [np.hypot(*(taxel_xy - taxel_xy[taxel]).T) <= step for taxel in new]
-            new = left & set(np.flatnonzero(np.any(near, axis=0)).tolist())
-        most = max(most, len(group))
-    return most
+    from scipy.sparse.csgraph import connected_components  # imported here: only a tare needs it
+
+    apart = np.hypot(*(taxel_xy[chosen][:, None] - taxel_xy[chosen]).T)
+    _, group = connected_components(apart <= 1.6 * pitch(taxel_xy), directed=False)
+    return int(np.bincount(group).max(initial=0))
 
 
 def find_dead(values: ArrayLike, skip: Sequence[int] = ()) -> NDArray[np.int64]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +76,9 @@ def cut(
         for name in Scan.PER_READING
         if getattr(scan, name) is not None
     }
-    pad = _pad_of_window(scan.about["pad"], rows, columns)
+    pad = scan.about["pad"]
+    if isinstance(pad, dict):  # of an array that is not described nothing is known of a window, either
+        pad = {**pad, "rows": rows, "columns": columns, "seam": None, "unread_columns": 0, "unread_rows": 0}
     return Scan(taxel_xy=layout, meta={**scan.meta, "cut": about, "pad": pad}, **whole)
 
 
@@ -119,11 +120,3 @@ def _lines(places: FloatArray) -> tuple[int, NDArray[np.int64]]:
             number = np.concatenate([[0], np.cumsum(np.round(steps))]).astype(np.int64)
             return int(number[-1]) + 1, number[which]
     return len(found), which
-
-
-def _pad_of_window(pad: Any, rows: int, columns: int) -> dict[str, Any] | None:
-    """Describe a window of an array as a pad; None if the array is not described."""
-    if not isinstance(pad, dict):
-        return None
-    alone = {"seam": None, "unread_columns": 0, "unread_rows": 0}
-    return {**pad, "rows": rows, "columns": columns, **alone}

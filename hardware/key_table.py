@@ -47,12 +47,9 @@ def key_tables() -> str:
     """Write the tables in Markdown, one for each table of a device file."""
     parts = []
     for heading, models in _TABLES:
-        rows = [row for model in models for row in _rows(model, several=len(models) > 1)]
-        title = (
-            "| item | key | default | values | what |"
-            if len(models) > 1
-            else "| key | default | values | what |"
-        )
+        several = len(models) > 1
+        rows = [row for model in models for row in _rows(model, several)]
+        title = "| item " * several + "| key | default | values | what |"
         parts.append("\n".join([f"{heading}:", "", title, "|---" * (title.count("|") - 1) + "|", *rows]))
     return "\n\n".join(parts)
 

@@ -232,8 +232,3 @@ class LiveSource(Source):
             why = f"{mark.hex(' ')} comes, and not what is stated to follow it: length, taxels, checksum"
         came = f"{since['bytes']:,} bytes came and no whole frame of {self.device.name!r} in them"
         return f"{came}. {why}; `bench probe` shows the bytes"
-
-
-def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
-    """Open the ports of a pad."""
-    return LiveSource(places, device, log)

@@ -55,12 +55,8 @@ class ByIndex:
 
     def forget(self) -> None:
         """Drop what waits."""
-        self._counters.unpaired += len(self.waiting())
+        self._counters.unpaired += sum(len(moment.frames) for moment in self._moments.values())
         self._moments.clear()
-
-    def waiting(self) -> list[Frame]:
-        """List the frames that wait for others."""
-        return [frame for moment in self._moments.values() for frame in moment.frames.values()]
 
 
 class ByTime:
@@ -92,10 +88,6 @@ class ByTime:
         """Drop what waits."""
         self._counters.unpaired += len(self._held)
         self._held.clear()
-
-    def waiting(self) -> list[Frame]:
-        """List the frames that wait for others."""
-        return [frame for frame, _, _ in self._held.values()]
 
 
 Pairing = ByIndex | ByTime

@@ -371,14 +371,9 @@ class PressFit:
             if self.residual(new)[3] <= variance:
                 return new
         return replace(
-            new,
-            sigma=old.sigma,
-            response=old.response,
-            give=old.give,
-            errors=old.errors,
-            gains=old.gains,
-            grown=old.grown,
-        )
+            old, found=found, sigma_error=new.sigma_error, response_error=new.response_error,
+            grown_error=new.grown_error,
+        )  # fmt: skip
 
     def linearised(self, state: State, variance: float, *, leans: bool = True) -> Round:
         """Linearise the readings about a state; without `leans` for a fit of level presses on a rigid wrist."""

@@ -122,7 +122,12 @@ class Replay(Source):
                 self._note(record.kind, record.json())
             elif record.kind is Kind.READING:
                 self.counters.readings += 1
-                self._give([record.reading()])
+                reading = record.reading()
+                if len(reading.pressures) != self.pad.taxels:
+                    raise InputError(
+                        f"a reading of {len(reading.pressures)} taxels; the pad has {self.pad.taxels}"
+                    )
+                self._give([reading])
             elif record.link >= self.device.ports:
                 raise InputError(f"link {record.link} of a device with {self.device.ports}")
             elif self._stream is None:
@@ -166,11 +171,6 @@ class Replay(Source):
         self.taxel_xy = taxel_xy
 
     def _give(self, readings: list[Reading]) -> None:
-        for reading in readings:
-            if len(reading.pressures) != self.pad.taxels:
-                raise InputError(
-                    f"a reading of {len(reading.pressures)} taxels; the pad has {self.pad.taxels}"
-                )
         correction = self._correction
         self._ready.extend(readings if correction is None else map(correction.apply, readings))
         self._given += len(readings)

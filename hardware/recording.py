@@ -236,7 +236,12 @@ class RecordReader:
         try:
             with open_regular(self.path) as stream:
                 size = os.fstat(stream.fileno()).st_size
-                check_start(stream)
+                start = stream.read(_START.size)
+                if len(start) < _START.size or not start.startswith(MAGIC):
+                    raise InputError("it is no recording; `bench record --out FILE` makes one")
+                version = _START.unpack(start)[1]
+                if version != VERSION:
+                    raise InputError(f"it has format version {version}; this program reads version {VERSION}")
                 yield from self._records(stream, size)
         except OSError as error:
             raise InputError(f"cannot read recording {self.path}: {error.strerror or error}") from error
@@ -283,16 +288,6 @@ def is_recording(path: str | Path) -> bool:
             return stream.read(len(MAGIC)) == MAGIC
     except InputError:
         return False
-
-
-def check_start(stream: BufferedReader) -> None:
-    """Read the start of a recording. Raises InputError, which does not say the path, if it is none of this version."""
-    start = stream.read(_START.size)
-    if len(start) < _START.size or not start.startswith(MAGIC):
-        raise InputError("it is no recording; `bench record --out FILE` makes one")
-    version = _START.unpack(start)[1]
-    if version != VERSION:
-        raise InputError(f"it has format version {version}; this program reads version {VERSION}")
 
 
 def check_whole(path: str | Path) -> Whole:

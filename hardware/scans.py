@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +28,7 @@ from tactsim.hardware.codecs.codec import STRICT
 from tactsim.hardware.press_readings import Moments, PressReadings, Window
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
-from tactsim.hardware.session import Plan, Press, note, parse_press
+from tactsim.hardware.session import Plan, Press, count_taken, note, parse_press
 
 
 @dataclass
@@ -48,53 +48,39 @@ class SessionRecord:
     calibrations: list[tuple[int, Calibration | None]]
     segments: list[dict[str, Any]]
 
-    def kept(self) -> NDArray[np.bool_]:
-        """Tell which taxels no calibration leaves out, (taxels,)."""
-        kept = np.ones(self.pad.taxels, dtype=bool)
-        for _, calibration in self.calibrations:
-            if calibration is not None:
-                kept &= calibration.kept
-        return kept
-
-
-@dataclass
-class _Notes:
-    """Collects the notes of a recording while it is replayed."""
-
-    plan: Plan | None = None
-    presses: dict[int, Press] = field(default_factory=dict)
-    calibrations: list[tuple[int, Calibration | None]] = field(default_factory=list)
-    segments: list[dict[str, Any]] = field(default_factory=list)
-
-    def take(self, kind: Kind, content: dict[str, Any], readings: int) -> None:
-        if kind is Kind.SEGMENT:
-            plan = None if content.get("plan") is None else checked(Plan, content["plan"], "plan")
-            if self.segments and plan != self.plan:
-                raise InputError("its segments follow different plans")
-            self.plan = plan
-            self.segments.append(content)
-            calibration = content.get("calibration")
-            if calibration is not None:
-                calibration = checked(Calibration, calibration, "calibration")
-            self.calibrations.append((readings, calibration))
-        elif kind is Kind.MARK and self.plan is not None:
-            press = parse_press(content, len(self.plan.poses))
-            if press.first + press.count > readings:
-                raise InputError(f"mark: press {press.number} names readings that come after it")
-            note(self.presses, press)
-
 
 def read_session(path: str | Path) -> SessionRecord:
     """Read the recording of a guided session through. Raises InputError if it is none or makes no sense."""
-    notes = _Notes()
-    replay = Replay(path, corrected=False, on_note=notes.take)
+    plan: Plan | None = None
+    presses: dict[int, Press] = {}
+    calibrations: list[tuple[int, Calibration | None]] = []
+    segments: list[dict[str, Any]] = []
+
+    def take(kind: Kind, content: dict[str, Any], readings: int) -> None:
+        nonlocal plan
+        if kind is Kind.SEGMENT:
+            stated = None if content.get("plan") is None else checked(Plan, content["plan"], "plan")
+            if segments and stated != plan:
+                raise InputError("its segments follow different plans")
+            plan = stated
+            segments.append(content)
+            calibration = content.get("calibration")
+            if calibration is not None:
+                calibration = checked(Calibration, calibration, "calibration")
+            calibrations.append((readings, calibration))
+        elif kind is Kind.MARK and plan is not None:
+            press = parse_press(content, len(plan.poses))
+            if press.first + press.count > readings:
+                raise InputError(f"mark: press {press.number} names readings that come after it")
+            note(presses, press)
+
+    replay = Replay(path, corrected=False, on_note=take)
     readings = sum(1 for _ in replay)
-    if notes.plan is None:
+    if plan is None:
         raise SourceError(f"{path} is no recording of a guided session; `bench record --letter` makes one")
     return SessionRecord(
-        Path(path), notes.plan, replay.pad, replay.whole, readings, notes.presses, notes.calibrations,
-        notes.segments,
-    )  # fmt: skip
+        Path(path), plan, replay.pad, replay.whole, readings, presses, calibrations, segments
+    )
 
 
 def scan_of_sessions(
@@ -120,7 +106,8 @@ def scan_of_sessions(
     for session in sessions:
         if session.pad != pad:
             raise InputError(f"{session.path} was recorded with another pad than {sessions[0].path}")
-        kept &= session.kept()
+        for _, calibration in session.calibrations:
+            kept &= True if calibration is None else calibration.kept
     read = PressReadings(pad, pad.taxel_xy[kept], moments, at_load)
     taken = [_taken(session) for session in sessions]
     if not any(taken):
@@ -170,7 +157,7 @@ def _about(session: SessionRecord) -> dict[str, Any]:
         "urls": first.get("urls"),
         "started": first.get("started"),
         "finished": session.whole.finished,
-        "presses": sum(press.what == "taken" for press in session.presses.values()),
+        "presses": count_taken(session.presses),
         "skipped": sorted(press.number for press in session.presses.values() if press.what == "skipped"),
         "frames_a_press": session.plan.frames,
         "calibrated": [

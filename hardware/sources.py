@@ -17,7 +17,7 @@ GROUP = "tactsim.sources"
 
 # name: (where its opener is, what it is). Nothing is imported before its name is asked for.
 BUILT_IN: dict[str, tuple[str, str]] = {
-    "port": ("tactsim.hardware.live:open_source", "a sensor on a serial port, a pty or a socket"),
+    "port": ("tactsim.hardware.live:LiveSource", "a sensor on a serial port, a pty or a socket"),
     "recording": (
         "tactsim.hardware.recorded:open_source",
         "a recording of this program, or of the PPS tool (.csv)",

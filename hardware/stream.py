@@ -14,7 +14,7 @@ from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.hardware.clock import DeviceClock
-from tactsim.hardware.codecs.codec import Dialogue, Frame
+from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.device import UNREAD, Device
 from tactsim.hardware.framing import Framer
 from tactsim.hardware.pairing import ByIndex, ByTime, Moment, Pairing
@@ -32,7 +32,12 @@ class Stream:
         self.counters = Counters() if counters is None else counters
         self._codec = device.build_codec()
         self._taxels, self._cells = device.pad.taxels, device.cells
-        self._links = [_Link(device, port, self._codec, self.counters) for port in range(device.ports)]
+        self._framers: list[Framer[Any]] = [Framer(self._codec, self.counters) for _ in range(device.ports)]
+        places = [device.place(part) for part in device.part]
+        self._dialogues = [
+            self._codec.dialogue(tuple(address for at, address in places if at == port), self.counters)
+            for port in range(device.ports)
+        ]
         # For each part: which of its taxels are read, and which taxels of the pad they are.
         self._wires = {}
         for part in device.part:
@@ -51,24 +56,24 @@ class Stream:
 
     def greeting(self, link: int) -> bytes:
         """Give the bytes to send once after `link` was opened."""
-        return self._links[link].dialogue.greeting()
+        return self._dialogues[link].greeting()
 
     def request(self, link: int, now: float) -> bytes:
         """Give the bytes to send on `link` at `now` (s), if any."""
-        return self._links[link].dialogue.request(now)
+        return self._dialogues[link].request(now)
 
     def sent(self, link: int, data: bytes, now: float) -> None:
         """Note what was sent. Raises CodecError for what the codec would never send."""
-        self._links[link].dialogue.sent(data, now)
+        self._dialogues[link].sent(data, now)
 
     def received(self, link: int, data: bytes, now: float) -> list[Reading]:
         """Take in the bytes that came at `now` (s); returns the readings that they complete.
 
         No bytes mean that nothing came until `now`, which is worth saying where frames are paired `by_arrival`.
         """
-        at, frames = self._links[link], []
-        for arrived in at.framer.feed(data, now):
-            if (frame := at.dialogue.take(arrived.packet, arrived.began)) is not None:
+        frames = []
+        for arrived in self._framers[link].feed(data, now):
+            if (frame := self._dialogues[link].take(arrived.packet, arrived.began)) is not None:
                 earliest = arrived.after if frame.asked is None else max(arrived.after, frame.asked)
                 frames.append((frame, earliest, arrived.ended))
         # Several frames of one part in one go: the reader was late, whatever it knows of when it waited.
@@ -80,8 +85,8 @@ class Stream:
     def lost(self, link: int, now: float) -> None:
         """Note that `link` was lost at `now`: what was half received, was asked or waits for other parts is void."""
         self.counters.reconnects += 1
-        self._links[link].framer.reset()
-        self._links[link].dialogue.reset()
+        self._framers[link].reset()
+        self._dialogues[link].reset()
         for place in [place for place in self._last_index if place[0] == link]:
             del self._last_index[place]
         self._begin_anew()
@@ -157,12 +162,3 @@ class Stream:
             self.counters.clock_restarts += 1
             self._begin_anew()
         return replace(frame, seconds=seconds)
-
-
-class _Link:
-    """What is kept for one link: the bytes of a packet's beginning, and the open question."""
-
-    def __init__(self, device: Device, port: int, codec: Any, counters: Counters) -> None:
-        addresses = tuple(address for at, address in map(device.place, device.part) if at == port)
-        self.framer: Framer[Any] = Framer(codec, counters)
-        self.dialogue: Dialogue = codec.dialogue(addresses, counters)

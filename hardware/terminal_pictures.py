@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,12 @@ def placement(
             near = int(np.argmin(np.abs((points - place) / size).max(axis=1)))
             marks[near] = "o" if step == 0 else ">" if step == 12 else "-"
     styles = {"#": "bold yellow", "+": "dim", ".": "blue", "o": "bold", "-": "bold", ">": "bold", " ": ""}
-    return in_rows(marks.tolist(), [styles[mark] for mark in marks.tolist()], columns)
+    text = Text()
+    for row in marks.reshape(rows, columns).tolist():
+        for mark in row:
+            text.append(mark, styles[mark])
+        text.append("\n")
+    return text
 
 
 def characters(columns: int, rows: int, cell: float) -> FloatArray:
@@ -60,16 +65,6 @@ def characters(columns: int, rows: int, cell: float) -> FloatArray:
     x = (np.arange(columns) - (columns - 1) / 2) * cell
     y = ((rows - 1) / 2 - np.arange(rows)) * 2 * cell
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
-def in_rows(marks: Sequence[str], styles: Sequence[str], columns: int) -> Text:
-    """Put marks, each with its style, into rows of so many."""
-    text = Text()
-    for number, (mark, style) in enumerate(zip(marks, styles, strict=True), start=1):
-        text.append(str(mark), style)
-        if number % columns == 0:
-            text.append("\n")
-    return text
 
 
 def where(sensor_in_object: FloatArray, from_behind: bool) -> str:
@@ -157,10 +152,9 @@ def shade(share: float) -> str:
     """Give the colour of a pressure, as its share of the largest; below 0 and above 1 is cut, NaN is black."""
     if np.isnan(share):
         return "black"
-    place = min(max(share, 0.0), 1.0) * (len(_STOPS) - 1)
-    low = min(int(place), len(_STOPS) - 2)
-    colour = np.rint(_STOPS[low] + (place - low) * (_STOPS[low + 1] - _STOPS[low])).astype(int)
-    return f"rgb({','.join(map(str, colour.tolist()))})"
+    place = share * (len(_STOPS) - 1)
+    colour = [round(float(np.interp(place, range(len(_STOPS)), channel))) for channel in _STOPS.T]
+    return f"rgb({','.join(map(str, colour))})"
 
 
 def _sign(share: float) -> str:
