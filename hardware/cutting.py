@@ -113,10 +113,9 @@ def _lines(places: FloatArray) -> tuple[int, NDArray[np.int64]]:
     found, which = np.unique(np.round(places, 4), return_inverse=True)
     which = which.reshape(-1).astype(np.int64)
     if len(found) > 1:
-        steps = np.diff(found) / np.diff(found).min()
-        if np.abs(steps - np.round(steps)).max() * np.diff(found).min() < _ALIKE and steps.sum() < 2 * len(
-            found
-        ):
+        least = np.diff(found).min()
+        steps = np.diff(found) / least
+        if np.abs(steps - np.round(steps)).max() * least < _ALIKE and steps.sum() < 2 * len(found):
             number = np.concatenate([[0], np.cumsum(np.round(steps))]).astype(np.int64)
             return int(number[-1]) + 1, number[which]
     return len(found), which

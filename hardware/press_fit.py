@@ -208,11 +208,8 @@ class PressFit:
     def residual(self, state: State) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """Give readings, what they leave of the recorded ones, the taxels' gains and the mean square left."""
         predicted = self.read(state)
-        gain = (
-            best_gain(self.recorded, state.relative * predicted)
-            * state.relative
-            * np.ones(predicted.shape[1])
-        )
+        relative = state.relative * np.ones(predicted.shape[1])
+        gain = best_gain(self.recorded, relative * predicted) * relative
         left = np.nan_to_num(self.recorded - gain * predicted)
         variance = float(((self.weights(left)[:, None] * left) ** 2).mean())
         return predicted, left, gain, max(variance, 1e-12)
@@ -395,14 +392,10 @@ class PressFit:
 
     def shared(self, old: State, found: PressErrors, share: float) -> State:
         """Go a share of the way to point spread, response, outlines and gains that were found; less if it is far."""
-        values = []
-        bounds = ((NARROWEST, WIDEST), (BLUNTEST, STEEPEST_RESPONSE))
-        for value, by, (least, most) in zip(
-            (old.sigma, old.response), found.shared[-2:], bounds, strict=True
-        ):
-            by = share * float(np.clip(by, -_LONGEST * value, _LONGEST * value))
-            values.append(min(max(value + by, least), most))
-        sigma, response = values
+        values = np.array([old.sigma, old.response])
+        by = share * np.clip(found.shared[-2:], -_LONGEST * values, _LONGEST * values)
+        least, most = (NARROWEST, BLUNTEST), (WIDEST, STEEPEST_RESPONSE)
+        sigma, response = np.clip(values + by, least, most).tolist()
         of_outlines = slice(len(found.shared) - 3 - len(old.grown), len(found.shared) - 3)
         grown = np.clip(old.grown + share * found.shared[of_outlines], -_MOST_GROWN, _MOST_GROWN)
         gains = old.gains

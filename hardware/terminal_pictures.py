@@ -36,7 +36,9 @@ def placement(
     """
     size = np.array([cell, 2 * cell])
     columns, rows = (int(2 * reach / side + 1e-9) for side in size)
-    points = characters(columns, rows, cell) * (-1 if from_behind else 1, 1)
+    x = (np.arange(columns) - (columns - 1) / 2) * (-cell if from_behind else cell)
+    y = ((rows - 1) / 2 - np.arange(rows)) * 2 * cell  # the upper row first
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     half = np.array([pad.column_edges.max(), pad.row_edges.max()])
     on_pad = (np.abs(points) <= half).all(axis=1)
     marks = np.where(on_pad, ".", " ")
@@ -55,16 +57,6 @@ def placement(
             text.append(mark, styles[mark])
         text.append("\n")
     return text
-
-
-def characters(columns: int, rows: int, cell: float) -> FloatArray:
-    """Give the middles (rows * columns, 2) mm of characters about (0, 0), the upper row first.
-
-    A character is `cell` mm wide and twice as high.
-    """
-    x = (np.arange(columns) - (columns - 1) / 2) * cell
-    y = ((rows - 1) / 2 - np.arange(rows)) * 2 * cell
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def where(sensor_in_object: FloatArray, from_behind: bool) -> str:

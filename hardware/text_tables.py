@@ -21,6 +21,16 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
 
+_OF_A_TAXEL = {
+    "row",
+    "col",
+    "column",
+    "taxel",
+    "sensor",
+    "channel",
+    "value",
+}  # names where a row is a taxel's
+
 
 def separator_of(names: str) -> str:
     """Tell what parts the cells of a table by its line of names."""
@@ -72,14 +82,7 @@ def check_taxel_names(names: Sequence[str]) -> None:
     """
     numbers = [[int(number) for number in re.findall(r"\d+", name)] for name in names]
     kinds = [re.sub(r"\d+", "#", name) for name in names]
-    if (
-        len(
-            {"row", "col", "column", "taxel", "sensor", "channel", "value"}.intersection(
-                map(str.lower, names)
-            )
-        )
-        > 1
-    ):
+    if len(_OF_A_TAXEL.intersection(map(str.lower, names))) > 1:
         raise InputError(
             f"columns {', '.join(names)}: it has a taxel a row; make it a table with a column a taxel"
         )

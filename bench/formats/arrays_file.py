@@ -104,11 +104,9 @@ def _texts(array: NDArray[Any], name: str) -> NDArray[Any]:
 def _in_cell(cell: NDArray[Any], name: str) -> NDArray[Any]:
     """Take the array of numbers that `name`, such as TS{2}, means."""
     number = int(name.partition("{")[2].rstrip("}"))
-    array = (
-        cell.reshape(-1, order="F")[number - 1] if cell.dtype.kind == "O" and number <= cell.size else None
-    )
-    if array is None:
+    if cell.dtype.kind != "O" or number > cell.size:
         raise InputError(f"it has no {name!r}")
+    array = cell.reshape(-1, order="F")[number - 1]
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
         raise InputError(f"{name!r} is no array of numbers")
     return array

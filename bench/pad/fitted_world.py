@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from tactsim.bench.config import merged
 from tactsim.hardware.sensor_fit import SensorFit
-from tactsim.press.scan_options import PressOptions, ScanOptions, SensorOptions
+from tactsim.press.scan_options import ScanOptions
 
 _FORCE_ALONE = (0.1, 10.0)  # a gain within is an error of the force; one beyond it is another unit
 _CURVED = 0.2  # an exponent so far from 1 tells the pressure that a response reads right
@@ -28,7 +28,7 @@ def fitted_world(options: ScanOptions, fit: SensorFit, unit: str) -> dict[str, A
     fitted noise. A response whose interval includes none is left out. What is
     beyond the bounds of a scan's options is put on the nearest bound: `clipped` names it.
     """
-    return merged(stated_world(options, unit), _rounded(_changes(options, fit)))
+    return merged(stated_world(options, unit), _rounded(ScanOptions, _changes(options, fit)))
 
 
 def stated_world(options: ScanOptions, unit: str) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def stated_world(options: ScanOptions, unit: str) -> dict[str, Any]:
     what else is None has that as its default.
     """
     left_out = {"seed", "test_poses", "test_load"}
-    stated = options.model_dump(mode="json", exclude_defaults=True, exclude=left_out)
+    stated = options.model_dump(mode="json", exclude_defaults=True, exclude_none=True, exclude=left_out)
     stated |= {"letters": list(options.letters), "unit": unit}
     if "shapes" in stated:
         stated["shapes"] = [str(Path(path).resolve()) for path in stated["shapes"]]
@@ -46,17 +46,20 @@ def stated_world(options: ScanOptions, unit: str) -> dict[str, Any]:
         stated["pad"]["no_seam"] = True
     if options.press.wrist_stiffness is None:
         stated["press"]["wrist_stiffness"] = "rigid"
-    return _without_none(stated)
+    return stated
 
 
 def clipped(options: ScanOptions, fit: SensorFit) -> dict[str, float]:
     """Name what was found beyond the bounds of a scan's options, with what was found."""
-    beyond = {}
-    for group, values in _groups(_changes(options, fit)):
-        for name, value in values.items():
-            if isinstance(value, float) and _within(group, name, value) != _round(value):
-                beyond[name] = value
-    return beyond
+    changes = _changes(options, fit)
+    said = _rounded(ScanOptions, changes)
+    pairs = [(changes, said), *((changes[group], said[group]) for group in ("press", "sensor"))]
+    return {
+        name: value
+        for found, put in pairs
+        for name, value in found.items()
+        if isinstance(value, float) and put[name] != _round(value)
+    }
 
 
 def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
@@ -101,21 +104,15 @@ def _changes(options: ScanOptions, fit: SensorFit) -> dict[str, Any]:
     }
 
 
-def _groups(changes: dict[str, Any]) -> list[tuple[type[BaseModel], dict[str, Any]]]:
-    plain = {name: value for name, value in changes.items() if not isinstance(value, dict)}
-    return [(ScanOptions, plain), (PressOptions, changes["press"]), (SensorOptions, changes["sensor"])]
-
-
-def _rounded(changes: dict[str, Any]) -> dict[str, Any]:
-    """Round all values, and put them on the nearest bounds of their options."""
-    plain, press, sensor = (
-        {
-            name: _within(group, name, value) if isinstance(value, float) else value
-            for name, value in values.items()
-        }
-        for group, values in _groups(changes)
-    )
-    return {**plain, "press": press, "sensor": sensor}
+def _rounded(model: Any, changes: dict[str, Any]) -> dict[str, Any]:
+    """Round all values, and put them on the nearest bounds of the model's options."""
+    rounded = dict(changes)
+    for name, value in changes.items():
+        if isinstance(value, dict):
+            rounded[name] = _rounded(model.model_fields[name].annotation, value)
+        elif isinstance(value, float):
+            rounded[name] = _within(model, name, value)
+    return rounded
 
 
 def _within(model: type[BaseModel], name: str, value: float) -> float:
@@ -126,12 +123,3 @@ def _within(model: type[BaseModel], name: str, value: float) -> float:
 
 def _round(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
-
-
-def _without_none(values: dict[str, Any]) -> dict[str, Any]:
-    """Leave out what TOML cannot say; such an option has its default."""
-    return {
-        name: _without_none(value) if isinstance(value, dict) else value
-        for name, value in values.items()
-        if value is not None
-    }

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from rich.console import Console
 
 from tactsim.bench.pad.guide_screen import Screen
 from tactsim.bench.pad.keyboard import keys
+from tactsim.bench.pad.measured import known_letter
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
 from tactsim.core.errors import InputError
 from tactsim.core.source import NoReading, Source, SourceEnded
@@ -24,7 +26,7 @@ from tactsim.hardware.session import Phase, Plan, Press, Session
 from tactsim.hardware.sources import open_source
 from tactsim.hardware.terminal_pictures import Covers
 from tactsim.hardware.wrappers import Corrected, Recorded
-from tactsim.models import letter, names
+from tactsim.models import letter
 from tactsim.press.clip import covers
 
 _REDRAW = 0.1  # s
@@ -127,10 +129,8 @@ def _retried(recorder: Recorder, new: bool) -> Iterator[None]:
 
 def shape(label: str) -> Covers | None:
     """Give the test for points on the letter of that name; None if there is no such letter."""
-    if label not in names():
-        return None
-    contours = letter(label).contours
-    return lambda points: covers(contours, points)
+    known = known_letter(label)
+    return None if known is None else partial(covers, known.contours)
 
 
 def lead(

@@ -63,9 +63,8 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
                 f"{path} has {count} presses of {readings}; the same command with --port measures the others"
             )
         chosen.append(np.arange(count) < readings)
-    kept = np.concatenate(chosen)
-    kept_scan = scan.chosen(kept)
-    return with_letters(replace(kept_scan, meta={**scan.meta, "readings_a_trial": readings}))
+    kept = scan.chosen(np.concatenate(chosen))
+    return with_letters(replace(kept, meta={**scan.meta, "readings_a_trial": readings}))
 
 
 def known_letter(label: str) -> Letter | None:

@@ -95,7 +95,7 @@ class PressesAsRecorded:
             }
         )
         ideal = np.empty((len(errors), options.pad.taxels))
-        for name, pressed in self._press(errors, options, guess.grown).items():
+        for name, pressed in self._press(errors, options, guess).items():
             readings = pressed.readings(options)
             readings[list(pressed.blanks)] = np.nan
             ideal[self._recorded.labels == name] = readings
@@ -112,20 +112,16 @@ class PressesAsRecorded:
         number = {name: index for index, name in enumerate(self.outlined)}
         return np.array([number.get(label, -1) for label in self._recorded.labels.tolist()])
 
-    def _press(
-        self, errors: FloatArray, options: ScanOptions, grown: tuple[float, ...]
-    ) -> dict[str, Pressed]:
+    def _press(self, errors: FloatArray, options: ScanOptions, guess: Guess) -> dict[str, Pressed]:
         """Press every letter; once for all point spreads with the same cells: these change only what taxels feel."""
-        press = options.press
-        wrist = np.inf if press.wrist_stiffness is None else press.wrist_stiffness
         lines = b" ".join(edges.tobytes() for edges in options.cell_lines)
-        wanted = errors.tobytes(), press.stiffness, wrist, lines, grown
+        wanted = errors.tobytes(), guess.stiffness, guess.wrist, lines, guess.grown
         if self._pressed is None or self._pressed[0] != wanted:
             poses = compose(self._recorded.poses, errors[:, :3])
             labels = self._recorded.labels
             letters = self._letters | {
                 name: wider(self._letters[name], by)
-                for name, by in zip(self.outlined, grown, strict=False)
+                for name, by in zip(self.outlined, guess.grown, strict=False)
                 if by
             }
             self._pressed = (

@@ -114,7 +114,8 @@ def validate(
     world = fitted_world(presses.options, fit, unit)
     scan_options = checked(ScanOptions, {**world, "seed": seed}, "fitted world")
     fitted_scan, _ = scan_letters(scan_options, progress=lambda done, total: progress("press", done, total))
-    trained = {"simulated": _in_unit(simulated, unit), "fitted": fitted_scan}
+    # The simulation's numbers stay as they are; without the recording's unit it could not be tested on it.
+    trained = {"simulated": replace(simulated, meta={**simulated.meta, "unit": unit}), "fitted": fitted_scan}
     if apart:
         trained["recorded"] = recorded.where("train")
     recognition = {
@@ -207,10 +208,8 @@ def numbers_of_copies(scan: Scan) -> NDArray[np.intp]:
 def means(scan: Scan, copies: NDArray[np.intp]) -> Scan:
     """Put the mean of all presses of a number, (n,) `copies`, in the place of the first, and leave out the others."""
     first = np.unique(copies, return_index=True)[1]
-    mask = np.zeros(len(scan), dtype=bool)
-    mask[first] = True
     readings = np.array([scan.readings[copies == number].mean(axis=0) for number in range(len(first))])
-    return replace(scan.chosen(mask), readings=readings)
+    return replace(scan.chosen(np.isin(np.arange(len(scan)), first)), readings=readings)
 
 
 def some_presses(scan: Scan) -> NDArray[np.bool_]:
@@ -223,9 +222,7 @@ def some_presses(scan: Scan) -> NDArray[np.bool_]:
     for letter in scan.letters:
         rows = np.flatnonzero(scan.labels == letter)
         chosen.append(rows[np.unique(np.linspace(0, len(rows) - 1, min(each, len(rows))).astype(int))])
-    mask = np.zeros(len(scan), dtype=bool)
-    mask[np.concatenate(chosen)] = True
-    return mask
+    return np.isin(np.arange(len(scan)), np.concatenate(chosen))
 
 
 def folds(scan: Scan) -> NDArray[np.intp]:
@@ -238,11 +235,6 @@ def folds(scan: Scan) -> NDArray[np.intp]:
         return np.array([number[letter] for letter in scan.labels.tolist()])
     x, y = (np.argsort(np.argsort(along, kind="stable")) / len(scan) for along in scan.poses[:, :2].T)
     return (np.floor(3 * x) + 3 * np.floor(2 * y)).astype(np.intp)
-
-
-def _in_unit(scan: Scan, unit: str) -> Scan:
-    """State another unit of a simulated scan, so that it can be tested on a recording: its numbers stay as they are."""
-    return replace(scan, meta={**scan.meta, "unit": unit})
 
 
 def _part_of(progress: Progress, number: int, parts: int) -> Progress:
