@@ -102,8 +102,7 @@ class Correction:
 
     def apply(self, reading: Reading) -> Reading:
         """Correct one reading; dead, stuck and always loaded taxels are left out."""
-        pressures = self.whole(reading.pressures)[self._kept]
-        return replace(reading, pressures=pressures)
+        return replace(reading, pressures=self.whole(reading.pressures)[self._kept])
 
 
 def take_tare(

@@ -78,7 +78,3 @@ class Framer(Generic[Packet]):
         self._chunks.clear()
         self._last = float("-inf")
         self._in_garbage = False
-
-    def __len__(self) -> int:
-        """Count the bytes that wait for more."""
-        return len(self._buffer)

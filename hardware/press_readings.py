@@ -94,7 +94,9 @@ class PressReadings:
                 if found.any():
                     moments[number] = found, images
         wanted = {"train": self._of_training, "test": np.array([self.at_load])}
-        if self.moments == "found" and not self._show_a_rise(moments.values()):
+        # A rise is an image below the whole load that training asks for.
+        lower = np.isin(self._shares, self._of_training) & (self._shares < 1)
+        if self.moments == "found" and not any(found[lower].any() for found, _ in moments.values()):
             wanted = {"test": wanted["test"]} if self.at_load < 1 else {}
         for number in sorted(means):
             window, of_press = windows[number], list[tuple[float, FloatArray]]()
@@ -159,11 +161,6 @@ class PressReadings:
             presses=np.array([row.press for row in rows]) if apart else None,
             moments=np.array([row.share for row in rows]) if apart else None,
         )
-
-    def _show_a_rise(self, moments: Iterable[tuple[NDArray[np.bool_], FloatArray]]) -> bool:
-        """Tell whether a press has an image below its whole load that training asks for."""
-        lower = np.isin(self._shares, self._of_training) & (self._shares < 1)
-        return any(found[lower].any() for found, _ in moments)
 
 
 def wrong_taxels(idle: Sequence[FloatArray], presses: FloatArray) -> dict[int, str]:

@@ -28,7 +28,7 @@ from tactsim.hardware.codecs.guessed_lines import is_text
 from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
-from tactsim.hardware.recording import SUFFIX, Kind, Record, RecordReader, Whole, is_recording
+from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole
 from tactsim.hardware.stream import Stream
 from tactsim.hardware.text_tables import check_taxel_names
 
@@ -292,11 +292,11 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
     """Open a recording; one of this program brings its own device along."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
-    if is_recording(places[0]) or places[0].endswith(SUFFIX):
-        return Replay(places[0])
     head = b""
     with suppress(InputError), open_regular(places[0]) as file:
         head = file.read(_HEAD)
+    if head.startswith(MAGIC) or places[0].endswith(SUFFIX):
+        return Replay(places[0])
     if b"ASCII_DATA @@" in head:
         raise SourceError(
             f"{places[0]} is a movie of Tekscan's I-Scan (ASF), whose frames state no times; write a table of it, "

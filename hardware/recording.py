@@ -281,15 +281,6 @@ class Tail:
         return records
 
 
-def is_recording(path: str | Path) -> bool:
-    """Tell by its first bytes whether a file is a recording of this program; one that cannot be read is none."""
-    try:
-        with open_regular(path) as stream:
-            return stream.read(len(MAGIC)) == MAGIC
-    except InputError:
-        return False
-
-
 def check_whole(path: str | Path) -> Whole:
     """Read a recording through and say how much of it is whole. Raises InputError if it is no recording."""
     reader = RecordReader(path)

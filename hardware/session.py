@@ -124,11 +124,6 @@ class Session:
         self._begin(Phase.LIFT)
 
     @property
-    def taken(self) -> int:
-        """Count the presses that were taken."""
-        return count_taken(self.presses)
-
-    @property
     def progress(self) -> float:
         """Give the share of the current press's readings that have come, 0 to 1."""
         return len(self._taken) / self.plan.frames

@@ -13,7 +13,7 @@ from rich.text import Text
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import force
-from tactsim.hardware.session import Phase, Press, Session
+from tactsim.hardware.session import Phase, Press, Session, count_taken
 from tactsim.hardware.terminal_pictures import Covers, on_template, placement, tactile_image, where
 
 _KEYS = "space take it as it is   r redo the last   s skip   q stop (it goes on later)"
@@ -87,7 +87,7 @@ class Screen:
             return f"{press + 1} of {len(plan.poses)}"
         mark = self._session.presses.get(press)
         counts = mark is not None and mark.what == "taken"
-        return f"{self._session.taken + (not counts)} of {plan.enough}"
+        return f"{count_taken(self._session.presses) + (not counts)} of {plan.enough}"
 
     def _picture(self) -> Group:
         session, plan = self._session, self._session.plan
