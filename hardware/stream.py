@@ -48,7 +48,13 @@ class Stream:
         self._first = device.place(device.part[0])  # its clock and counter are the pad's
         self._one_clock = self._codec.clock_common and device.ports == 1
         self._last_index: dict[tuple[int, int], int] = {}
-        self._pairing = self._choose_pairing(device)
+        self._pairing: Pairing | None = None
+        if len(self._wires) > 1 and device.pair_within_s is not None:
+            self._pairing = ByTime(self._wires, device.pair_within_s, self.counters)
+        elif len(self._wires) > 1:
+            wrap = self._codec.index_wrap
+            assert wrap is not None  # `Device` sees to it
+            self._pairing = ByIndex(self._wires, wrap, device.deadline, self._codec.taxels, self.counters)
         self.by_arrival = isinstance(self._pairing, ByTime) and not self._one_clock
         self._after_loss = False
         self._deadline, self._last_now = device.deadline, np.inf  # s: of the last reading; there was none
@@ -90,16 +96,6 @@ class Stream:
         for place in [place for place in self._last_index if place[0] == link]:
             del self._last_index[place]
         self._begin_anew()
-
-    def _choose_pairing(self, device: Device) -> Pairing | None:
-        if len(self._wires) == 1:
-            return None
-        if device.pair_within_s is not None:
-            return ByTime(self._wires, device.pair_within_s, self.counters)
-        assert self._codec.index_wrap is not None  # `Device` sees to it
-        return ByIndex(
-            self._wires, self._codec.index_wrap, device.deadline, self._codec.taxels, self.counters
-        )
 
     def _begin_anew(self) -> None:
         """Let nothing that came before be joined or averaged with what comes now."""

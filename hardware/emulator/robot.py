@@ -60,18 +60,17 @@ class Timing:
 
     def pressing(self, table: FloatArray) -> Pressures:
         """Press in turn, once. table: (n, shares, taxels) kPa, what a press feels at the SHARES of its load."""
-        nothing = np.zeros(table.shape[2])
+        nothing, at = np.zeros(table.shape[2]), (0.0, *SHARES)
 
         def pressures(now: float) -> FloatArray:
             turn, since = divmod(now, self.period)
             if since <= self.lift or turn >= len(table):
                 return nothing
             level = min((since - self.lift) / self.ramp, (self.period - since) / self.ramp, 1.0)
-            above = int(np.searchsorted(SHARES, level))
-            felt = table[int(turn)]
-            below = (0.0, nothing) if above == 0 else (SHARES[above - 1], felt[above - 1])
-            part = (level - below[0]) / (SHARES[above] - below[0])
-            return (1 - part) * below[1] + part * felt[above]
+            above = int(np.searchsorted(SHARES, level)) + 1
+            felt = [nothing, *table[int(turn)]]
+            part = (level - at[above - 1]) / (at[above] - at[above - 1])
+            return (1 - part) * felt[above - 1] + part * felt[above]
 
         return pressures
 
