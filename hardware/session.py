@@ -186,13 +186,7 @@ class Session:
         number = self._before.pop() if self._before else max(self.presses, default=-1)
         if number < 0:
             return None
-        mark = Press(number=number, what="redo")
-        note(self.presses, mark)
-        self.current = next_press(self.presses, self.plan)
-        self._begin(Phase.LIFT)
-        self._since = None
-        self.message = f"again press {number + 1}"
-        return mark
+        return self._finish(Press(number=number, what="redo"), f"again press {number + 1}")
 
     def _begin(self, phase: Phase) -> None:
         done = self.current >= len(self.plan.poses)
@@ -253,11 +247,12 @@ class Session:
         image = max(float(np.linalg.norm(images.mean(axis=0))), self.plan.touch_kpa)
         return wanders(forces[:, None], _STEADY * held) or wanders(images, _STEADY * image)
 
-    def _finish(self, press: Press) -> Press:
+    def _finish(self, press: Press, message: str = "") -> Press:
         note(self.presses, press)
-        self._before.append(press.number)
+        if press.what != "redo":
+            self._before.append(press.number)
         self.current = next_press(self.presses, self.plan)
-        self.message = ""
+        self.message = message
         self._begin(Phase.LIFT)
         self._since = None
         return press

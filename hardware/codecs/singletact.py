@@ -119,9 +119,6 @@ class SingleTactCodec(Codec[Reply]):
         """
         have = len(buffer) - start
         header = bytes(buffer[start : start + 4])
-        if len(header) < 4:
-            could_be = any(known.startswith(header) for known in HEADERS)
-            return (0 if could_be else 1, None) if header else (0, None)
         if header not in HEADERS:
             found = [at for known in HEADERS if (at := buffer.find(known, start)) >= 0]
             return (min(found) - start, None) if found else (have - mark_begun(buffer, start, *HEADERS), None)
