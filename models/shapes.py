@@ -56,7 +56,9 @@ def shape(
     path = Path(path)
     name = path.stem if name is None else name
     if not (name.isprintable() and 0 < len(name) <= 40) or name == "none":  # which means none of the known
-        raise InputError(f"{name!r} is no name for a shape; give another of 1 to 40 printable characters")
+        raise InputError(
+            f"{path}: {name!r} is no name for a shape; give one of 1 to 40 printable characters, but 'none'"
+        )
     suffix = path.suffix.lower()
     if suffix not in (*ENDINGS, *DRAWINGS):
         raise InputError(

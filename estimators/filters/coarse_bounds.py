@@ -266,3 +266,17 @@ class CoarseBins:
         self.listed = letter * self._grid.bins + cell, log_p
         new, self._taken_in = count - self._taken_in, count
         return evaluated, new * len(coarse.upper) - evaluated
+
+    def best_of_letters(self) -> tuple[FloatArray, int]:
+        """Give the log-belief of the best bin of each letter (letters,), and how many times a bin took in a reading."""
+        coarse, letters, evaluated = self._coarse, len(self._field.labels), 0
+        best = np.empty(letters)
+        for letter in range(letters):
+            upper = coarse.upper[letter::letters]
+            while coarse.seen[first := letter + letters * int(upper.argmax())] < self._taken_in:
+                highest = letter + letters * np.argsort(upper)[-_ROUND:]
+                place = highest[coarse.seen[highest] < self._taken_in]
+                terms, sampled = self._field.terms, self._field.tables.sampled
+                evaluated += evaluate_bins(coarse, place, terms, sampled, self._taken_in)
+            best[letter] = coarse.log_p[first]
+        return best, evaluated

@@ -108,9 +108,11 @@ class OpenSet:
         ranked = sorted(known.probabilities.items(), key=lambda item: -item[1])
         against = []
         for label, p in [item for item in ranked[:_ASKED] if item[1] > least]:
-            start = known.robot_in_object
+            start: FloatArray | None = known.robot_in_object
             if label != known.label:
                 start = _likeliest(list(known.probabilities).index(label), states())
+            if start is None:
+                continue
             pose = self.mosaics.fitting_pose(label, start, readings, poses)
             total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
             against.append(math.log(p) - log_odds(self.misfit[label], total, len(readings)))
@@ -129,9 +131,11 @@ class OpenSet:
         return readings, poses
 
 
-def _likeliest(letter: int, belief: WeightedStates) -> FloatArray:
-    """Find the most probable state of a letter, T_R^O."""
+def _likeliest(letter: int, belief: WeightedStates) -> FloatArray | None:
+    """Find the most probable state of a letter, T_R^O; None if none holds a part of the belief."""
     chosen = np.flatnonzero(belief.letter == letter)
+    if not len(chosen):
+        return None
     return belief.state[:, chosen[belief.weights.log[chosen].argmax()]]
 
 

