@@ -63,7 +63,7 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
     """Say what was fitted, each number with its 95 % interval."""
     saved, error = fit.gains_saved
     apart = (
-        f"{100 * saved:+.0f} % (standard error {100 * error:.0f} %) of the squares left of held-out presses"
+        f"{100 * saved:+z.0f} % (standard error {100 * error:.0f} %) of the squares left of held-out presses"
     )
     gains = (
         f"gains   taxels have gains of their own, which save {apart}"
