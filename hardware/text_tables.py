@@ -20,16 +20,8 @@ TITLE_WITHIN = 40  # lines, at whose end the names have stood
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
-
-_OF_A_TAXEL = {
-    "row",
-    "col",
-    "column",
-    "taxel",
-    "sensor",
-    "channel",
-    "value",
-}  # names where a row is a taxel's
+# Names of columns where a row is a taxel's.
+_OF_A_TAXEL = {"row", "col", "column", "taxel", "sensor", "channel", "value"}
 
 
 def separator_of(names: str) -> str:

@@ -90,30 +90,8 @@ def read_named(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
 
     Raises InputError if the file is not whole, too large, or lacks one, which is a MissingArrayError.
     """
-    arrays, left, there = dict[str, NDArray[Any]](), LARGEST, dict[str, h5py.Dataset]()
     with _opened(path) as file:
-        file.visititems(
-            lambda name, item: there.update({name: item} if isinstance(item, h5py.Dataset) else {})
-        )
-        for name in names:
-            if name.strip("/") not in there:
-                raise MissingArrayError(name, {one: dataset.shape for one, dataset in there.items()})
-            dataset = there[name.strip("/")]
-            # HDF5 unpacks whole chunks; text takes four bytes a character in memory.
-            numbers = max(prod(dataset.shape or ()), prod(dataset.chunks or (0,)))
-            size = numbers * dataset.dtype.itemsize * (4 if dataset.dtype.kind == "S" else 1)
-            left -= size
-            if left < 0:
-                raise InputError(f"its {name} claims {size:,} bytes; {left + size:,} are left of {LARGEST:,}")
-            if dataset.is_virtual or dataset.external:
-                raise InputError(f"its {name} lies in another file")
-            text = h5py.check_string_dtype(dataset.dtype) is not None
-            if not text and dataset.dtype.kind not in "biufS":
-                raise InputError(f"its {name} holds {dataset.dtype}, no numbers or names")
-            of_bytes = dataset.dtype.kind == "S"
-            content = dataset.asstr()[()] if text and not of_bytes else dataset[()]
-            arrays[name] = np.char.decode(content, "utf-8") if of_bytes else np.array(content)
-    return arrays
+        return _read(file, names)
 
 
 @contextmanager
@@ -137,11 +115,36 @@ def read_scan(path: Path) -> Scan:
         names = [
             name for name in _DATASETS if name not in optional or file.get(name, getlink=True) is not None
         ]
-    try:
-        arrays = read_named(path, names)
-    except MissingArrayError as error:
-        raise InputError(f"it has no dataset {error.name} of its own") from error
+        try:
+            arrays = _read(file, names)
+        except MissingArrayError as error:
+            raise InputError(f"it has no dataset {error.name} of its own") from error
     return Scan(meta=parse_json(str(arrays.pop("meta")), "its meta"), **arrays)
+
+
+def _read(file: h5py.File, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Read datasets that lie in an open file, as `read_named` does."""
+    arrays, left, there = dict[str, NDArray[Any]](), LARGEST, dict[str, h5py.Dataset]()
+    file.visititems(lambda name, item: there.update({name: item} if isinstance(item, h5py.Dataset) else {}))
+    for name in names:
+        if name.strip("/") not in there:
+            raise MissingArrayError(name, {one: dataset.shape for one, dataset in there.items()})
+        dataset = there[name.strip("/")]
+        # HDF5 unpacks whole chunks; text takes four bytes a character in memory.
+        numbers = max(prod(dataset.shape or ()), prod(dataset.chunks or (0,)))
+        size = numbers * dataset.dtype.itemsize * (4 if dataset.dtype.kind == "S" else 1)
+        left -= size
+        if left < 0:
+            raise InputError(f"its {name} claims {size:,} bytes; {left + size:,} are left of {LARGEST:,}")
+        if dataset.is_virtual or dataset.external:
+            raise InputError(f"its {name} lies in another file")
+        text = h5py.check_string_dtype(dataset.dtype) is not None
+        if not text and dataset.dtype.kind not in "biufS":
+            raise InputError(f"its {name} holds {dataset.dtype}, no numbers or names")
+        of_bytes = dataset.dtype.kind == "S"
+        content = dataset.asstr()[()] if text and not of_bytes else dataset[()]
+        arrays[name] = np.char.decode(content, "utf-8") if of_bytes else np.array(content)
+    return arrays
 
 
 def _add(file: h5py.File, name: str, array: NDArray[Any], unit: str, description: str) -> h5py.Dataset:

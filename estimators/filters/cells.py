@@ -228,6 +228,17 @@ def refine(
 
 
 @compiled()
+def heaviest(end: Ints1D, log_p: Reals1D, weight: float) -> float:
+    """Give the log of what the cell holds that holds most, of those that `refine` left."""
+    highest, first = -np.inf, 0
+    for times in range(len(end)):
+        for i in range(first, end[times]):
+            highest = max(highest, weight * log_p[i] - times * math.log(8.0))
+        first = end[times]
+    return highest
+
+
+@compiled()
 def held(
     end: Ints1D, cell: Ints1D, log_p: Reals1D, weight: float, negligible: float
 ) -> tuple[Ints1D, Ints1D, Reals1D]:
@@ -237,11 +248,7 @@ def held(
     one that holds most are left out. Returns how often each was halved, flat indices, and logs of what they hold, less
     that of the one that holds most (n,).
     """
-    volume, highest, first = math.log(8.0), -np.inf, 0
-    for times in range(len(end)):
-        for i in range(first, end[times]):
-            highest = max(highest, weight * log_p[i] - times * volume)
-        first = end[times]
+    volume, highest = math.log(8.0), heaviest(end, log_p, weight)
     often, index, log_weight = np.empty_like(cell), np.empty_like(cell), np.empty_like(log_p)
     found = first = 0
     for times in range(len(end)):

@@ -14,7 +14,16 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
 from tactsim.estimators.filters.binned import BinnedBelief
-from tactsim.estimators.filters.cells import Cells, History, Limits, bins_of, blank_halved, held, refine
+from tactsim.estimators.filters.cells import (
+    Cells,
+    History,
+    Limits,
+    bins_of,
+    blank_halved,
+    heaviest,
+    held,
+    refine,
+)
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.map_filter import GridFilter
@@ -146,9 +155,8 @@ class RefinedFilter(GridFilter):
         missed = self.field.most() - float(left_log_p.max())
         self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
         self._badly_explained += self._unexplained > 0 and self.moving is None
-        self._best = np.full(
-            len(self.labels), -np.inf
-        )  # of each letter's coarse bins, where letters are tempered
+        # Of each letter's coarse bins, where letters are tempered.
+        self._best = np.full(len(self.labels), -np.inf)
         if self._unexplained and isinstance(self._coarse, CoarseBins):
             self._best, more = self._coarse.best_of_letters()
             bins, self._left_alone = bins + more, self._left_alone - more
@@ -212,9 +220,8 @@ class RefinedFilter(GridFilter):
         mass = letter_mass(letter, weights, len(self.labels))
         if self._unexplained:
             end, _, log_p = self._leaves
-            times = np.repeat(np.arange(len(end)), np.diff(end, prepend=0))
-            highest = (self._weight * log_p - math.log(8) * times).max()
-            mass = np.where(mass > 0, mass, np.exp(self._weight * self._best - highest))
+            of_bins = np.exp(self._weight * self._best - heaviest(end, log_p, self._weight))
+            mass = np.where(mass > 0, mass, of_bins)
         return np.asarray(mass ** (1 / (1 + self._unexplained)))
 
     def _influence(self) -> float:
