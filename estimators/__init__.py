@@ -6,6 +6,7 @@ likelihoods. Beside them `contract` checks what every estimator, also one of a p
 not live here: physics, files, scores. Of `tactsim` it sees only `core`.
 """
 
+from tactsim.estimators.batch import BatchEstimator
 from tactsim.estimators.estimator import (
     NONE,
     Estimate,
@@ -20,6 +21,7 @@ from tactsim.estimators.registry import create, names
 
 __all__ = [
     "NONE",
+    "BatchEstimator",
     "Estimate",
     "Estimator",
     "Options",

@@ -16,7 +16,7 @@ from pydantic import Field
 from scipy.special import softmax
 
 import tactsim
-from tactsim.estimators import Estimate, Estimator, Options, check_order, check_reading
+from tactsim.estimators import BatchEstimator, Options
 
 
 class DeepSetOptions(Options):
@@ -52,27 +52,22 @@ def loss(weights, seen, letter):
     return optax.softmax_cross_entropy_with_integer_labels(logits(weights, seen), letter[:, None]).mean()
 
 
-class DeepSet(Estimator):
+class DeepSet(BatchEstimator):
     """Name the letter by a network of the mean of what it makes of each reading; says nothing of the place."""
 
     options_type = DeepSetOptions
-    draws = False
-    weights, touches = None, None
 
-    def fit(self, scan):
+    def learn(self, train):
         """Train on trials drawn from the training readings."""
-        train = scan.where("train")
-        check_order(len(train) > 0, "a train reading", "fit")
-        options, self.letters, self.scale = self.options, train.letters, max(train.readings.std(), 1e-9)
-        self.taxels, wide, self.touches = train.readings.shape[1], options.hidden, None
+        options, wide, letters = self.options, self.options.hidden, len(self.labels)
+        self.scale = max(train.readings.std(), 1e-9)
         rng = np.random.default_rng(options.seed)
-        sizes = (self.taxels + 4, wide, wide, wide), (wide, wide, len(self.letters))
         weights = [
             [
                 (np.float32(rng.normal(0, np.sqrt(2 / m), (m, n))), np.zeros(n, np.float32))
-                for m, n in pairwise(size)
+                for m, n in pairwise(sizes)
             ]
-            for size in sizes
+            for sizes in ((self.taxels + 4, wide, wide, wide), (wide, wide, letters))
         ]
         adam = optax.adam(optax.cosine_decay_schedule(3e-3, options.steps))
         state = adam.init(weights)
@@ -82,40 +77,17 @@ class DeepSet(Estimator):
             change, state = adam.update(jax.grad(loss)(weights, seen, letter), state)
             return optax.apply_updates(weights, change), state
 
-        fewest = min(int((train.labels == letter).sum()) for letter in self.letters)
+        fewest = min(int((train.labels == letter).sum()) for letter in self.labels)
         batches = train.batches(128, min(options.readings, fewest), rng)
         for _, batch in zip(range(options.steps), batches, strict=False):
             seen = features(batch.readings, batch.sensor_in_robot, self.scale)
             weights, state = step(weights, state, seen, batch.letter)
         self.weights = jax.tree.map(np.asarray, weights)  # NumPy's arrays can be sent to worker processes
 
-    def estimates(self, readings, sensor_in_robot):
-        """Answer many trials at once: readings (trials, readings, taxels)."""
-        seen = features(readings, sensor_in_robot, self.scale)
-        p = softmax(logits(self.weights, seen).astype(float), axis=-1)
-        return [[self.named(of_reading) for of_reading in of_trial] for of_trial in p]
-
-    def named(self, p):
-        """Give the estimate with these probabilities of the letters."""
-        return Estimate(self.letters[int(p.argmax())], dict(zip(self.letters, p, strict=True)), np.zeros(3))
-
-    def reset(self, rng):
-        """Forget the sequence."""
-        check_order(self.weights is not None, "fit", "reset")
-        self.touches = []
-
-    def update(self, reading, sensor_in_robot):
-        """Keep a reading and its pose."""
-        check_order(self.touches is not None, "reset" if self.weights else "fit", "update")
-        self.touches.append(check_reading(reading, sensor_in_robot, self.taxels))
-
-    def estimate(self):
-        """Name the letter."""
-        check_order(self.touches is not None, "reset" if self.weights else "fit", "estimate")
-        if not self.touches:
-            return self.named(np.full(len(self.letters), 1 / len(self.letters)))
-        readings, poses = map(np.array, zip(*self.touches, strict=True))
-        return self.estimates(readings[None], poses[None])[0][-1]
+    def answer(self, readings, sensor_in_robot):
+        """Judge the letters after each reading of many trials."""
+        p = softmax(logits(self.weights, features(readings, sensor_in_robot, self.scale)), axis=-1)
+        return p, np.zeros((*p.shape[:2], 3))
 
 
 def pressed(seeds, letters="AEIOU"):
