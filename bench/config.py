@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
     """Parse `key=value` words; dots nest: `press.force=3` gives {"press": {"force": "3"}}.
 
-    Values stay text, for the configuration's own types to read; `none` stands for None.
+    Values stay text, for the configuration's own types to read.
     Raises InputError if a word has no `=`, or one name has two values.
     """
     result: dict[str, Any] = {}
@@ -41,7 +41,7 @@ def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
         key, equals, value = pair.partition("=")
         if not (equals and key.strip()):
             raise InputError(f"{option} {pair!r}: write it as key=value")
-        word = nested({key.strip(): None if value.strip().lower() == "none" else value.strip()})
+        word = nested({key.strip(): value.strip()})
         if twice := _in_both(result, word):
             raise InputError(f"{option} {pair!r}: {twice} is given twice")
         result = merged(result, word)
@@ -304,9 +304,11 @@ class RunConfig(ScanWords):
 
     estimator: str = Field("refined", description="The estimator; `bench list` names them all.")
     bins: int | None = Field(
-        None, description="Histogram bins for each letter: 100, 1000, 10000 (Table I), or at most so many."
+        None,
+        ge=1,
+        description="Histogram bins for each letter: 100, 1000, 10000 (Table I), or at most so many.",
     )
-    particles: int | None = Field(None, description="Particles over all letters (n_P).")
+    particles: int | None = Field(None, ge=1, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
     hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out)] = Field(
         (),

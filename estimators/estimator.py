@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict
 
 from tactsim.core import InputError, Scan
+from tactsim.core.checking import Settings
 from tactsim.core.errors import short, was_interrupt
 from tactsim.core.finite import LARGEST, finite
 from tactsim.core.forward import ForwardModel
@@ -22,10 +22,8 @@ from tactsim.core.poses import FloatArray
 NONE = "none"  # the label of an object that is none of the known letters
 
 
-class Options(BaseModel):
+class Options(Settings):
     """Options of an estimator: named, typed, bounded, with the paper's symbol in the description."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True, eq=False)

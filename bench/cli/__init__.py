@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-INTERRUPTED = 130
+INTERRUPTED, NOBODY_READS = 130, 141  # as a shell says of a command that SIGINT or SIGPIPE has ended
 
 
 def main() -> NoReturn:
@@ -24,7 +24,10 @@ def main() -> NoReturn:
     except KeyboardInterrupt:
         end_interrupted()
     except SystemExit as ended:
-        sys.exit(_printed(ended.code if isinstance(ended.code, int) else 0))
+        status = ended.code if isinstance(ended.code, int) else 0
+        if isinstance(ended.__context__, BrokenPipeError):  # which rich takes for a failure
+            status = NOBODY_READS
+        sys.exit(_printed(status))
 
 
 def _let_matplotlib_keep_its_fonts() -> None:
@@ -51,5 +54,5 @@ def _printed(status: int) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python would try again at its end, and complain
         if not status and not isinstance(error, BrokenPipeError):
             print(f"bench: cannot write to standard output: {error.strerror}", file=sys.stderr)
-        status = status or (1 if isinstance(error, BrokenPipeError) else 2)
+        status = status or (NOBODY_READS if isinstance(error, BrokenPipeError) else 2)
     return status

@@ -18,7 +18,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import Abort, TyperException
 
-from tactsim.bench.cli import INTERRUPTED, end_interrupted
+from tactsim.bench.cli import INTERRUPTED, NOBODY_READS, end_interrupted
 from tactsim.core.errors import InputError, printable, short, unknown, was_interrupt
 
 FAILED, WRONG_INPUT = 1, 2
@@ -151,7 +151,7 @@ def run_app() -> NoReturn:
         if not (isinstance(carried.error, BrokenPipeError) and _nobody_reads()):
             raise carried.error from None
         sys.stderr.close()  # as in `bench list | head`, which stops reading
-        sys.exit(FAILED)
+        sys.exit(NOBODY_READS)
     except OSError as error:
         if error.errno != errno.ENOSPC or not (error.filename or _of_printing(error)):
             raise

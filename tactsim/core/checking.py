@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidatorFunctionWrapHandler, field_validator
 
 from tactsim.core.errors import InputError, short, unknown
 
@@ -34,6 +35,21 @@ _WANTED = {
     "too_long": "give a list of at most {max_length}",
     **dict.fromkeys(("dict_type", "model_type"), "give a table of names and values"),
 }
+
+
+class Settings(BaseModel):
+    """Options that cannot be changed, of which no other is taken and no number is infinite or NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _none(cls, value: Any, read: ValidatorFunctionWrapHandler) -> Any:
+        """Read "none" as None where an option may be None: neither TOML nor the command line can say that."""
+        if isinstance(value, str) and value.strip().lower() == "none":
+            with suppress(ValidationError):
+                return read(None)
+        return read(value)
 
 
 def checked(model: type[Model], values: Any, where: str) -> Model:

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from tactsim.core.checking import checked
+from tactsim.core.checking import Settings, checked
 from tactsim.core.documents import read_toml
 from tactsim.core.poses import FloatArray
 
@@ -23,10 +23,10 @@ _ALIKE = (
     0.03  # pads whose sizes differ by less are taken as equal: of one, a row may be masked or a seam narrower
 )
 
-Length = Annotated[float, Field(ge=1e-3, le=1000, allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=1e-3, le=1000)]
 
 
-class Pad(BaseModel):
+class Pad(Settings):
     """A flat array of rectangular taxels; the default is the paper's (section II, figure 3a).
 
     Two 6x4 arrays lie side by side and the centre 6x6 taxels are read: 1.8 mm taxels, 1.9 mm
@@ -36,17 +36,13 @@ class Pad(BaseModel):
     gaps between taxels carry load too. What lies outside carries nothing (assumed).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     rows: int = Field(6, ge=1, le=200, description="rows of taxels that are read")
     columns: int = Field(6, ge=1, le=200, description="columns of taxels that are read")
     pitch_x: Length = Field(1.9, description="mm from one column's centre to the next")
     pitch_y: Length = Field(1.9, description="mm from one row's centre to the next")
     taxel_width: Length = Field(1.8, description="mm that a taxel measures along a row")
     taxel_height: Length = Field(1.8, description="mm that a taxel measures along a column")
-    seam: float | None = Field(
-        0.4, ge=0, le=100, allow_inf_nan=False, description="mm between the taxels beside the middle"
-    )  # fmt: skip
+    seam: float | None = Field(0.4, ge=0, le=100, description="mm between the taxels beside the middle")
     unread_columns: int = Field(
         1, ge=0, le=100, description="columns each side that carry load but are not read"
     )
@@ -55,10 +51,10 @@ class Pad(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_seam(cls, values: Any) -> Any:
-        """Read `no_seam = true` and `seam = "none"` as `seam = null`, because TOML has no null."""
+        """Read `no_seam = true` as `seam = "none"`."""
         if isinstance(values, dict):
             stated = values.get("no_seam")
-            if stated in (True, "true") or values.get("seam") == "none":
+            if stated in (True, "true"):
                 values = {**values, "seam": None}
             if stated in (True, False, "true", "false"):
                 values = {name: value for name, value in values.items() if name != "no_seam"}

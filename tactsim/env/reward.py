@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from tactsim.core.checking import Settings
 from tactsim.core.poses import FloatArray
 
 
-class Reward(BaseModel):
+class Reward(Settings):
     """The weights of the reward.
 
     A touch earns `information * (H before - H after) - touch_cost`, H = -sum p log p being the entropy (nats) of the
@@ -17,8 +18,6 @@ class Reward(BaseModel):
     The information is that of the belief, not of the truth: from its rewards a policy learns of the object only what
     it observes. Over an episode the information adds up to H(start) - H(end), whatever the order of the touches.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     right: float = Field(1.0, ge=0, description="earned by the right label")
     wrong: float = Field(1.0, ge=0, description="lost by a wrong one")

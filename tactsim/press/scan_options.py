@@ -8,21 +8,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from tactsim.core.checking import Settings
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.spread import cell_lines
 
 _MOST_CELLS = 200_000  # of the bed: 1 GB of moments for the presses that are laid out together
-_FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class Skips(BaseModel):
+class Skips(Settings):
     """Work that is left out because it cannot change a reading. Each switch brings it back, to show just that."""
-
-    model_config = _FROZEN
 
     no_contact: bool = Field(True, description="no physics for a press that does not touch")
     cells: bool = Field(True, description="no contact for cells of the bed that the letter does not cover")
@@ -42,10 +40,8 @@ class Skips(BaseModel):
         return self
 
 
-class PressOptions(BaseModel):
+class PressOptions(Settings):
     """How a letter is pressed against the pad."""
-
-    model_config = _FROZEN
 
     engine: Literal["auto", "exact", "bed", "collide", "relief"] = Field(
         "auto", description="what works out a press; auto takes the cheapest that is exact for it"
@@ -154,10 +150,8 @@ class PressOptions(BaseModel):
         return self
 
 
-class SensorOptions(BaseModel):
+class SensorOptions(Settings):
     """How the pad turns contact pressure into readings. 0, None or () switches an effect off."""
-
-    model_config = _FROZEN
 
     psf_sigma: float = Field(
         1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)"
@@ -234,10 +228,8 @@ class SensorOptions(BaseModel):
         return sigma
 
 
-class ScanOptions(BaseModel):
+class ScanOptions(Settings):
     """Everything that the readings of a scan depend on, besides the letters' shapes themselves."""
-
-    model_config = _FROZEN
 
     letters: tuple[str, ...] = Field(("A", "E", "I", "O", "U"), description="names of the letters")
     shapes: tuple[str, ...] = Field((), description="files of shapes of one's own, pressed after the letters")

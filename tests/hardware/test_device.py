@@ -31,13 +31,19 @@ def test_a_built_in_name_is_pressed_as_it_is_read(name):
 
 
 @given(
-    st.sampled_from(["pad.seam=none", "pad.no_seam=true"]),
+    st.sampled_from(["pad.seam=none", "pad.seam=None", "pad.no_seam=true"]),
     st.sampled_from([None, "emulated", "dfrobot-4x8"]),
 )
 def test_no_seam_is_one_thing_in_both_spellings(word, pad):
     words = {} if pad is None else {"pad": pad}
     changed = scan_options(**words, scan_set=key_values([word], "--scan-set")).pad
     assert changed == scan_options(**words).pad.model_copy(update={"seam": None})
+
+
+def test_none_is_the_word_where_an_option_has_it_and_no_value_where_it_may_have_none():
+    words = ["sensor.ghosting=none", "sensor.saturation=none"]
+    sensor = scan_options(scan_set=key_values(words, "--scan-set")).sensor
+    assert (sensor.ghosting, sensor.saturation) == ("none", None)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from tactsim import models
-from tactsim.core.checking import checked
+from tactsim.core.checking import Settings, checked
 from tactsim.core.documents import read_toml
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -22,13 +22,10 @@ from tactsim.press.space.space_options import SpaceOptions
 from tactsim.press.space.space_press import SpacePress, Touched, advanced, misplaced
 
 _APART = 0.5  # mm that pads of one hand keep from each other
-_FROZEN = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class HandPad(BaseModel):
+class HandPad(Settings):
     """One pad of a hand."""
-
-    model_config = _FROZEN
 
     pose: tuple[float, float, float, float, float, float, float] = Field(
         description="[x, y, z, qw, qx, qy, qz] of the pad in the hand's frame, mm, where its stroke begins"
@@ -44,10 +41,8 @@ class HandPad(BaseModel):
         return self
 
 
-class Hand(BaseModel):
+class Hand(Settings):
     """A hand of two to five pads, all of one kind: an estimator learns how one pad feels an object."""
-
-    model_config = _FROZEN
 
     name: str = Field("hand", min_length=1, max_length=100)
     body: Literal["flat", "cylinder", "sphere"] = Field("flat", description="what every pad is laid on")

@@ -8,8 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from tactsim.core.checking import Settings
 from tactsim.core.pad import Pad
 from tactsim.models import solid_names
 from tactsim.press.scan_options import SensorOptions
@@ -17,10 +18,8 @@ from tactsim.press.scan_options import SensorOptions
 _MOST_POINTS = 1_000_000  # of the lattice, so that it stays in memory
 
 
-class SpaceOptions(BaseModel):
+class SpaceOptions(Settings):
     """Everything that readings of objects in space depend on, besides the objects' shapes themselves."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     objects: tuple[str, ...] = Field(solid_names(), description="names of the objects")
     meshes: tuple[str, ...] = Field((), description="mesh files of one's own, touched after the objects")
