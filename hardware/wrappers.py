@@ -19,6 +19,8 @@ from tactsim.hardware.recording import Recorder
 class Corrected(Wrapper):
     """Another source, its readings corrected by a calibration."""
 
+    calibrated = True
+
     def __init__(self, inner: Source, calibration: Calibration, name: str) -> None:
         """Correct what `inner`, called `name` in messages, gives.
 
@@ -32,11 +34,6 @@ class Corrected(Wrapper):
     def taxel_xy(self) -> FloatArray:  # type: ignore[override]
         """Tell where the taxels lie that the calibration keeps, (taxels, 2) mm."""
         return self._correction.taxel_xy
-
-    @property
-    def calibrated(self) -> bool:  # type: ignore[override]
-        """Tell that the readings are corrected."""
-        return True
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading, corrected; see `Source.read`.
@@ -55,14 +52,11 @@ class Corrected(Wrapper):
 class Recorded(Wrapper):
     """A source without bytes of its own, its readings written to a recording as they come."""
 
+    has_bytes = True  # the recording has all
+
     def __init__(self, inner: Source, recorder: Recorder) -> None:
         super().__init__(inner)
         self._recorder = recorder
-
-    @property
-    def has_bytes(self) -> bool:  # type: ignore[override]
-        """Tell that the recording has all."""
-        return True
 
     def read(self, timeout: float | None = None) -> Reading:
         """Return the next reading after it was recorded; see `Source.read`."""

@@ -87,7 +87,6 @@ def command(
     if (marks is not None or cut is not None or moments is not None or at_load is not None) and scan is None:
         raise InputError("--marks, --cut, --moments and --at-load make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
-    frames = shared.idle_frames(idle)
     window = None if cut is None else shared.window(cut)
     wanted, share = _moments(moments, marks), 1.0 if at_load is None else _share(at_load)
     console = plain_console()
@@ -95,6 +94,7 @@ def command(
     def opened(path: Path) -> Source:
         return open_source([f"recording:{path}"], described, correction)
 
+    frames = shared.idle_frames(idle, opened)
     lines: list[str] = []
     try:  # the files come first: nobody need read to its end what is said of them
         for path in recordings:

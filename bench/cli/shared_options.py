@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tactsim.core.errors import InputError, short
+
+if TYPE_CHECKING:
+    from tactsim.core.source import Source
+
+_MOST_IDLE = 10_000  # readings
 
 
 def finite_number(text: str) -> float | None:
@@ -69,7 +77,7 @@ IdleFile = Annotated[
     Path | None,
     typer.Option(
         "--idle",
-        help="Readings of the untouched pad instead: a table of text with a column a taxel, or a .npy file.",
+        help="Readings of the untouched pad instead: a recording, a table with a column a taxel, or a .npy file.",
     ),
 ]
 Shapes = Annotated[
@@ -105,9 +113,10 @@ Hand = Annotated[
 ]
 
 
-def idle_frames(path: Path | None) -> Any:
+def idle_frames(path: Path | None, opened: Callable[[Path], Source] | None = None) -> Any:
     """Read idle readings (n, taxels) from a table of text, also a recording with times, or a .npy file.
 
+    opened: opens recordings of the pad, read in its order and unit, of which the first 10,000 readings are taken.
     Raises InputError if it is neither.
     """
     if path is None:
@@ -115,6 +124,7 @@ def idle_frames(path: Path | None) -> Any:
     import numpy as np
 
     from tactsim.core.documents import LARGE, read_text
+    from tactsim.core.source import SourceError
     from tactsim.hardware.codecs.codec import CodecError, Frame
     from tactsim.hardware.codecs.pps_csv import read_table
     from tactsim.hardware.text_tables import numbers_of
@@ -123,12 +133,15 @@ def idle_frames(path: Path | None) -> Any:
         if path.suffix.lower() == ".npy":
             frames = np.load(path, allow_pickle=False).astype(float)
             return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
+        if opened is not None:
+            with suppress(SourceError), opened(path) as source:
+                if read := [reading.pressures for reading in islice(source, _MOST_IDLE)]:
+                    return np.array(read)
         text = read_text(path, "idle readings", LARGE)
-        try:
+        with suppress(CodecError):
             _, recorded, _ = read_table(text.splitlines())
-        except CodecError:
-            return numbers_of(text)
-        return np.array([frame.values for frame in recorded if isinstance(frame, Frame)])
+            return np.array([frame.values for frame in recorded if isinstance(frame, Frame)])
+        return numbers_of(text)
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error
 

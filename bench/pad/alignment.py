@@ -61,8 +61,9 @@ def align(
     frame of the true ones, which no press tells, by the rigid motion that fits best; test poses, and what the scan says
     of poses, stay.
 
-    Raises InputError if poses are known and not withheld, or the other way round, for idle frames, objects with fewer
-    than two training presses, two objects with a press in common, and a press that fits nowhere.
+    Raises InputError if poses are known and not withheld, or the other way round, for idle frames, too few readings
+    that are not 0 at rest, objects with fewer than two training presses, two objects with a press in common, and a
+    press that fits nowhere.
     """
     train = scan.where("train")
     if not len(train):
@@ -75,7 +76,13 @@ def align(
             if known
             else "nobody noted the poses of these presses: leave out --poses unknown (in Python withheld)"
         )
-    rise = np.clip(find_idle(train.readings).rise(train.readings), 0, None)
+    idle, least = find_idle(train.readings), np.abs(train.readings).min(axis=0)
+    if not idle.known.any() and np.median(least) > _IDLE * np.ptp(train.readings):
+        raise InputError(
+            f"what taxels read at rest is not 0, and {len(train)} training presses are too few to find it; import or "
+            "replay them with --zero or --idle"
+        )
+    rise = np.clip(idle.rise(train.readings), 0, None)
     _check_presses(train, rise)
     objects = properties(scan) if withheld else {}
     found: dict[str, Alignment] = {}
@@ -107,20 +114,30 @@ def align(
 def _check_presses(train: Scan, rise: FloatArray) -> None:
     """Raise InputError for training presses that cannot be laid over each other. rise: (n, taxels) above idle."""
     most = rise.max(axis=1)
-    idle = most <= _IDLE * np.median(most)
-    first: dict[bytes, tuple[str, int]] = {}
+    nothing = "are idle frames, which feel next to nothing: {}; leave them out"
+    refuse(train, most <= _IDLE * np.median(most), "training presses", nothing)
     for label in train.letters:
-        own = np.flatnonzero(train.labels == label)
-        if idle[own].any():
-            numbers = ", ".join(map(str, np.flatnonzero(idle[own])[:10] + 1))
-            raise InputError(
-                f"of the {len(own)} training presses of {label!r} these are idle frames, which feel next to nothing: "
-                f"{numbers}; leave them out"
-            )
-        if len(own) < 2:
+        if np.count_nonzero(train.labels == label) < 2:
             raise InputError(f"{label!r} has one training press; two or more can be laid over each other")
-        for number, row in enumerate(own, 1):
-            other, place = first.setdefault(train.readings[row].tobytes(), (label, number))
+    check_labels_apart(train, np.ones(len(train), dtype=bool))
+
+
+def refuse(scan: Scan, wrong: NDArray[np.bool_], kind: str, what: str) -> None:
+    """Raise InputError if some presses (n,) are `wrong`, with the numbers of the first label's in place of `{}`."""
+    for label in scan.letters:
+        own = wrong[scan.labels == label]
+        if own.any():
+            numbers = ", ".join(map(str, np.flatnonzero(own)[:10] + 1))
+            raise InputError(f"of the {len(own)} {kind} of {label!r} these {what.format(numbers)}")
+
+
+def check_labels_apart(scan: Scan, judged: NDArray[np.bool_]) -> None:
+    """Raise InputError if two labels have a press in common, of those that are `judged`, (n,)."""
+    first: dict[bytes, tuple[str, int]] = {}
+    for label in scan.letters:
+        for number, row in enumerate(np.flatnonzero(scan.labels == label), 1):
+            here = label, number
+            other, place = first.setdefault(scan.readings[row].tobytes(), here) if judged[row] else here
             if other != label:
                 raise InputError(
                     f"press {number} of {label!r} is press {place} of {other!r}, to the last bit: the same object "

@@ -31,9 +31,8 @@ def recording_of(folder: Path, letter: str, trial: int) -> Path:
 def poses_to_press(letter: str, trial: int, readings: int, seed: int, pad: Pad) -> FloatArray:
     """Draw the poses (n, 3) sensor_in_object of a trial, off the grid; more than `readings`, for some are skipped.
 
-    They reach as far as those of a scan with this pad.
-
-    They lie on whole mm and every 5 degrees, where the sheets of `bench template` have marks.
+    They reach as far as those of a scan with this pad, and lie on whole mm and every 5 degrees, where the sheets of
+    `bench template` have marks.
     """
     reach = stage_for(pad, known_letter(letter)).reach
     poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings, reach)
@@ -107,8 +106,7 @@ def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
 def taken_as_letters(scan: Scan) -> list[str]:
     """Say, in a line if there are any, which labels of a scan count as letters of the catalogue."""
     taken = [label for label in scan.letters if label in scan.meta.get("objects", {})]
-    if not taken:
-        return []
-    return [
+    said = (
         f"{' '.join(taken)}: placements count as those of the catalogue's letters (centre, inertia, symmetry)"
-    ]
+    )
+    return [said] if taken else []

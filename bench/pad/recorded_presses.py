@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.pad.alignment import check_labels_apart, refuse
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.idle import find_idle
@@ -81,19 +82,11 @@ class PressesAsRecorded:
     def __call__(self, guess: Guess, errors: FloatArray) -> FloatArray:
         """Predict readings without imperfections; see `tactsim.hardware.sensor_fit.Predict`."""
         wrist = None if np.isinf(guess.wrist) else guess.wrist
-        options = self.options.model_copy(
-            update={
-                "sensor": self.options.sensor.model_copy(update={"psf_sigma": guess.psf_sigma}),
-                "press": self.options.press.model_copy(
-                    update={
-                        "stiffness": guess.stiffness,
-                        "wrist_stiffness": wrist,
-                        "engine": "auto",
-                        "dynamics": "equilibrium",  # a recorded press is one at rest
-                    }
-                ),
-            }
-        )
+        held = {"stiffness": guess.stiffness, "wrist_stiffness": wrist, "engine": "auto"}
+        held["dynamics"] = "equilibrium"  # a recorded press is one at rest
+        press = self.options.press.model_copy(update=held)
+        sensor = self.options.sensor.model_copy(update={"psf_sigma": guess.psf_sigma})
+        options = self.options.model_copy(update={"sensor": sensor, "press": press})
         ideal = np.empty((len(errors), options.pad.taxels))
         for name, pressed in self._press(errors, options, guess).items():
             readings = pressed.readings(options)
@@ -119,20 +112,13 @@ class PressesAsRecorded:
         if self._pressed is None or self._pressed[0] != wanted:
             poses = compose(self._recorded.poses, errors[:, :3])
             labels = self._recorded.labels
-            letters = self._letters | {
-                name: wider(self._letters[name], by)
-                for name, by in zip(self.outlined, guess.grown, strict=False)
-                if by
-            }
-            self._pressed = (
-                wanted,
-                {
-                    name: press_at(
-                        Touches(letters[name], poses[labels == name], errors[labels == name, 3:]), options
-                    )
-                    for name in self._recorded.letters
-                },
-            )
+            grown = zip(self.outlined, guess.grown, strict=False)
+            letters = self._letters | {name: wider(self._letters[name], by) for name, by in grown if by}
+            pressed = {}
+            for name in self._recorded.letters:
+                own = labels == name
+                pressed[name] = press_at(Touches(letters[name], poses[own], errors[own, 3:]), options)
+            self._pressed = wanted, pressed
         return self._pressed[1]
 
 
@@ -149,26 +135,11 @@ def check_presses(recorded: Scan, predicted: FloatArray) -> None:
     idle = judged & (most <= _IDLE * (np.median(most[judged]) if judged.any() else 0.0))
     size = np.linalg.norm(felt, axis=1) * np.linalg.norm(predicted, axis=1)
     lost = judged & ~idle & ((felt * predicted).sum(axis=1) < _FITS * size)
-    for wrong, what in (
-        (
-            idle,
-            "are idle frames, which feel next to nothing where the simulation touches: {}; leave them out",
-        ),
-        (lost, "fit nowhere on what is pressed at their poses: {}; are poses and labels right?"),
-    ):
-        for label in recorded.letters:
-            own = np.flatnonzero(recorded.labels == label)
-            if wrong[own].any():
-                numbers = ", ".join(map(str, np.flatnonzero(wrong[own])[:10] + 1))
-                raise InputError(f"of the {len(own)} presses of {label!r} these " + what.format(numbers))
-    first: dict[bytes, int] = {}
-    for row in np.flatnonzero(judged).tolist():
-        other = first.setdefault(recorded.readings[row].tobytes(), row)
-        if recorded.labels[other] != recorded.labels[row]:
-            raise InputError(
-                f"a press of {str(recorded.labels[row])!r} is one of {str(recorded.labels[other])!r}, to the last bit: "
-                "the same object under two labels, or a file read twice"
-            )
+    nothing = "are idle frames, which feel next to nothing where the simulation touches: {}; leave them out"
+    refuse(recorded, idle, "presses", nothing)
+    nowhere = "fit nowhere on what is pressed at their poses: {}; are poses and labels right?"
+    refuse(recorded, lost, "presses", nowhere)
+    check_labels_apart(recorded, judged)
 
 
 def wider(letter: Letter, by: float) -> Letter:

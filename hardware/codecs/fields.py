@@ -203,18 +203,12 @@ class FieldsCodec(CountsCodec):
         parts = bytearray(self.size)
         for at, content in self._fixed:
             parts[at : at + len(content)] = content
-        first = 0 if self._packet is None else self._packet.first
-        numbers = {
-            "address": frame.address,
-            "index": frame.index or 0,
-            "clock": int(frame.ticks or 0),
-            "packet": first + packet,
-        }
-        for name, number in numbers.items():
-            if name in self._spans:
-                span = self._spans[name]
-                size = span.stop - span.start
-                parts[span] = (number % 256**size).to_bytes(size, self._endian)
+        numbers = {"address": frame.address, "index": frame.index or 0, "clock": int(frame.ticks or 0)}
+        numbers["packet"] = packet + (0 if self._packet is None else self._packet.first)
+        for name in numbers.keys() & self._spans.keys():
+            span = self._spans[name]
+            size = span.stop - span.start
+            parts[span] = (numbers[name] % 256**size).to_bytes(size, self._endian)
         parts[self._spans["taxels"]] = _write_values(values, self._values, self._endian)
         if self._checksum is not None:
             parts[self._spans["checksum"]] = self._sum(parts)

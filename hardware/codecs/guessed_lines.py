@@ -62,8 +62,8 @@ class GuessedLines:
         """Say why no device file reads them, and what the device should print instead."""
         if self.named:
             return (
-                f"The device prints the parts of a frame in lines of their own ({', '.join(self.named[:4])} ...), and "
-                "nothing between two frames. Let it print a frame a line, or an empty line between two frames."
+                f"The device prints the parts of a frame in lines of their own ({', '.join(self.named[:4])} ...), "
+                "which no device file joins. Let it print a frame a line, or bare values and an empty line between two."
             )
         why = f"{self.odd!r} is no number" if self.odd else "a number is beyond what a reading may be"
         what = f"The device prints lines of {self.columns} fields, which no device file reads: {why}."
@@ -74,24 +74,18 @@ class GuessedLines:
         taxels = self.columns - len(self.before)
         side = math.isqrt(taxels)
         rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
-        return "\n".join(
-            [
-                'name = "mine"',
-                "[codec]",
-                'kind = "csv"',
-                f"taxels = {taxels}",
-                *([f"before = {list(self.before)}".replace("'", '"')] if self.before else []),
-                *([f"tick_s = {self.tick_s:g}"] if "clock" in self.before else []),
-                *(['delimiter = ";"', 'decimal = ","'] if self.decimal == "," else []),
-                *([f'checksum = "{self.checksum}"'] if self.checksum else []),
-                "kpa_per_count = 1.0  # measure, this and what follows",
-                "[pad]",
-                f"rows = {rows}",
-                f"columns = {taxels // rows}",
-                "no_seam = true",
-                "unread_columns = 0",
-            ]
-        )
+        lines = ['name = "mine"', "[codec]", 'kind = "csv"', f"taxels = {taxels}"]
+        if self.before:
+            lines.append(f"before = {list(self.before)}".replace("'", '"'))
+        if "clock" in self.before:
+            lines.append(f"tick_s = {self.tick_s:g}")
+        if self.decimal == ",":
+            lines += ['delimiter = ";"', 'decimal = ","']
+        if self.checksum:
+            lines.append(f'checksum = "{self.checksum}"')
+        lines += ["kpa_per_count = 1.0  # measure, this and what follows", "[pad]", f"rows = {rows}"]
+        lines += [f"columns = {taxels // rows}", "no_seam = true", "unread_columns = 0"]
+        return "\n".join(lines)
 
     def frames(self, data: bytes) -> int:
         """Count the frames that the device file reads of these bytes."""
@@ -123,10 +117,13 @@ def guess_lines(data: bytes) -> GuessedLines | None:
         if guess is not None:
             guess = replace(guess, checksum=checksum)
             whole = sum(map(bool, fields)) / guess.rows
-            firsts = [[b",".join(row[:n]) for row in fields if len(row) == guess.columns > n] for n in (1, 2)]
-            parts = named if len(named) > 1 else _in_turn(firsts[0]) or _in_turn(firsts[1])
-            if guess.rows == 1 and parts:
-                guesses.append(replace(guess, named=parts))
+            columns = guess.columns // guess.rows
+            firsts = [[b",".join(row[:n]) for row in fields if len(row) == columns > n] for n in (1, 2)]
+            turns = _in_turn(firsts[0])
+            parts = named if len(named) > 1 else turns or _in_turn(firsts[1])
+            numbered = guess.rows > 2 and turns in [tuple(map(str, range(k, k + guess.rows))) for k in (0, 1)]
+            if numbered or (guess.rows == 1 and parts):
+                guesses.append(replace(guess, named=turns if numbered else parts))
             else:
                 guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
     # A comma between two numbers is no decimal one if both make sense.
@@ -141,7 +138,8 @@ def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:
     names = sorted(set(first))
     in_turn = 1 < len(names) <= len(first) // 5 and first[len(names) :] == first[: -len(names)]
     named = in_turn and (names[0] in (b"0", b"1", b"0,0", b"1,1") or not numbers_in(names[:1]))
-    return tuple(name.decode("utf-8", "replace") for name in names) if named else ()
+    start = first.index(names[0]) if named else len(first)
+    return tuple(name.decode("utf-8", "replace") for name in first[start : start + len(names)])
 
 
 def _of_rows(lines: Sequence[bytes], fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | None:

@@ -24,11 +24,13 @@ from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
-_TIMES = {"time", "timestamp", "t", "seconds", "millis", "micros"}
+_TIMES = {"time", "timestamp", "datetime", "elapsed", "t", "seconds", "millis", "micros"}
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
+_CLOCK = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])[Mm]|Z)?")
+_DAY = 86_400.0  # s
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
 _SECONDS |= {"milliseconds": 1e-3, "msec": 1e-3, "millis": 1e-3, "usec": 1e-6, "micros": 1e-6}
-_SECONDS |= {"secs": 1.0, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
+_SECONDS |= {"secs": 1.0, "days": _DAY, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
@@ -41,7 +43,6 @@ class CsvFormat(CodecFormat):
     unit: Literal["kPa", "psi", "Pa", "N", "V", "count"] = Field(
         "kPa", description="unit of the numbers; readings in N, V or count keep theirs"
     )
-
     zero: float = Field(0.0, description="value of an unloaded taxel, which is taken off all numbers")
 
     @property
@@ -81,8 +82,9 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
 
     A line that is no frame comes as text.
     What stands before the time is left out. A frame's ticks are s, as the unit in the title says, or as the steps
-    tell: below 1 they are s, below 1,000 ms, below 1,000,000 us, else ns; or as a time of day (ISO 8601) does. They
-    count from the first frame if the clock counts from midnight or from 1970. Taxels are the numbers behind the time.
+    tell: below 0.00001 they are days, below 1 s, below 1,000 ms, below 1,000,000 us, else ns; or as a time of day does.
+    They count from the first frame if the clock counts from midnight or from 1970. Taxels are the numbers behind the
+    time, or before it if it is the last column.
     Raises CodecError if there is no title with a time within 40 lines, or no frame behind it.
     """
     texts = filter(str.strip, texts)
@@ -104,7 +106,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
-            filled = [cell or "nan" for cell in cells[time:]]
+            cells = cells[time:] + cells[:time] * (len(cells) == time + 1)
+            filled = [cell or "nan" for cell in cells]
             first, *others = text_tables.with_points(filled, separator, commas)
             row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
         except ValueError:
@@ -117,7 +120,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of numbers{but}")
-    names = [*titles[line][time + 1 :], *[""] * width][: width - 1]
+    names = [*(titles[line][time + 1 :] or titles[line][:time]), *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
@@ -132,13 +135,18 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:
+        last = 0.0
         for text in chain(samples, texts):
             row = numbers(text)
             if row is None or len(row) != width or (np.isnan(row) != dead).any():
                 yield text
             else:
                 row[dead] = 0
-                yield Frame(row[1:], ticks=float(row[0] * tick - begun))
+                seconds = float(row[0] * tick - begun)
+                if of_day and clock[0] < _SINCE_1970:  # no date stands before it
+                    seconds += _DAY * round((last - seconds) / _DAY)
+                last = seconds
+                yield Frame(row[1:], ticks=seconds)
 
     return names, frames(), remark
 
@@ -155,9 +163,12 @@ def _time_at(cells: Sequence[str]) -> int:
 
 
 def _of_day(text: str) -> float:
-    """Read `12:00:01.5`, perhaps behind a date (ISO 8601), in s. Raises ValueError."""
-    whole = text if "-" in text else "1970-01-01T" + "0" * (text[1] == ":") + text
-    return datetime.fromisoformat(whole).replace(tzinfo=UTC).timestamp()
+    """Read `12:00:01.5` or `1:00:01 PM` in s of the day, behind a date of ISO 8601 since 1970. Raises ValueError."""
+    if (found := _CLOCK.fullmatch(text)) is None:
+        return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
+    hours, minutes, seconds, half = found.groups()
+    hour = int(hours) if half is None else int(hours) % 12 + 12 * (half in "Pp")
+    return 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
 
 
 def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
@@ -169,6 +180,8 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
         raise CodecError(f"the title's unit of time is {bracketed[1]!r}; known are {', '.join(_SECONDS)}")
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    unit = next((unit for most, unit in ((1, "s"), (1e3, "ms"), (1e6, "us")) if step < most), "ns")
+    unit = next(
+        (unit for most, unit in ((1e-5, "days"), (1, "s"), (1e3, "ms"), (1e6, "us")) if step < most), "ns"
+    )
     remark = f"the time is read as {unit}, by its steps of {step:g}: a title like 'time [s]' says it outright"
     return _SECONDS[unit], remark

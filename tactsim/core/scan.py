@@ -630,10 +630,12 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
         )
     if array.ndim == 2:
         return array
+    if array.shape[1] > 1:
+        said = "each reading is the mean of %d images of its press; of taxels with several axes give one"
+        logging.getLogger(__name__).warning(said, array.shape[1])
     lost = np.isnan(array)  # of what some images of a press say, the mean is taken
-    return (
-        np.ma.array(array, float, mask=lost).mean(axis=1).filled(np.nan) if lost.any() else array.mean(axis=1)
-    )
+    images = np.ma.array(array, float, mask=lost) if lost.any() else array
+    return np.asarray(np.ma.filled(images.mean(axis=1), np.nan))
 
 
 def names_of(values: Any, what: str) -> NDArray[np.str_]:

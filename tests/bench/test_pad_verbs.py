@@ -153,6 +153,24 @@ def test_mistakes_end_in_one_line(here, words, parts):
 MARKED = ["replay", "r.tactrec", "--marks", "m.csv"]
 
 
+@pytest.mark.parametrize(("codec", "part"), [('unit = "psi"', ""), ("", '[[part]]\nfirst_row = "top"\n')])
+def test_idle_readings_of_the_pad_are_read_as_its_recordings_are(here, tmp_path, codec, part):
+    (tmp_path / "pad.toml").write_text(
+        f'name = "2x2"\n[codec]\nkind = "pps-csv"\ntaxels = 4\n{codec}\n{part}'
+        "[pad]\nrows = 2\ncolumns = 2\nno_seam = true\nunread_columns = 0\n"
+    )
+    title, rest, pressed = "Time [ms],a,b,c,d\n", ",10,20,30,40\n", ",10,20,30,50\n"
+    (tmp_path / "idle.csv").write_text(title + "".join(f"{10 * k}{rest}" for k in range(9)))
+    (tmp_path / "r.csv").write_text(
+        title + "".join(f"{10 * k}{pressed if k > 3 else rest}" for k in range(9))
+    )
+    (tmp_path / "m.csv").write_text("label,x_mm,y_mm,theta_rad,first_s,last_s\nA,0,0,0,0.04,0.08\n")
+    words = ["replay", "r.csv", "--device", "pad.toml", "--marks", "m.csv", "--idle", "idle.csv"]
+    right(here(*words, "--scan", "new.npz"))
+    read = Scan.load(tmp_path / "new.npz").readings
+    assert read == pytest.approx(np.array([[0, 10, 0, 0]] if part else [[0, 0, 0, 68.94757]]))
+
+
 @pytest.mark.parametrize(
     ("words", "option"),
     [
@@ -295,7 +313,7 @@ def test_presses_that_cannot_be_what_was_simulated_are_refused(here, tmp_path):
     )
     twice = scan.readings.copy()
     twice[np.flatnonzero(scan.labels == "E")[near]] = twice[near]
-    refused_for("a press of 'E' is one of 'A', to the last bit", twice)
+    refused_for(f"press {near[0] + 1} of 'E' is press {near[0] + 1} of 'A', to the last bit", twice)
 
 
 def test_a_recording_that_failed_does_not_stand_in_its_own_way(bench, here, tmp_path):

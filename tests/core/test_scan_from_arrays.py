@@ -25,9 +25,11 @@ def test_pictures_of_the_pad_are_put_in_a_row(shape):
 
 
 @pytest.mark.parametrize("shape", [(4, 5, 6), (4, 5, 2, 3)])
-def test_several_images_of_a_press_are_averaged(shape):
+def test_several_images_of_a_press_are_averaged_and_that_is_said(shape, caplog):
     images = FLAT[:, None] + np.array([-2.0, -1.0, 0.0, 1.0, 2.0])[None, :, None]
     assert np.array_equal(readings_a_press(images.reshape(shape), PAD), FLAT)
+    said = "each reading is the mean of 5 images of its press; of taxels with several axes give one"
+    assert caplog.messages == [said]
 
 
 @pytest.mark.parametrize("shape", [(4, 5), (24,), (4, 3, 2), (4, 0, 6)])

@@ -151,12 +151,14 @@ def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
         lambda v: f"0,{v[0]},{v[1]}\n1,{v[2]},{v[3]}\n",
         lambda v: "".join(f"{k // 2},{k % 2},{x}\n" for k, x in enumerate(v)),
         lambda v: "".join(f"Sensor {k}: {x}\n" for k, x in enumerate(v)),
+        lambda v: f"    C0  C1\nR0  {v[0]} {v[1]}\nR1  {v[2]} {v[3]}\n\n",
+        lambda v: f"0 | {v[0]}\n1 | {v[1]}\n2 | {v[2]}\n3 | {v[3]}\n\n",
     ],
 )
-def test_parts_of_frames_with_nothing_between_two_frames_are_refused(form):
+def test_parts_of_frames_with_names_of_their_own_are_refused(form):
     guess = guess_lines("".join(map(form, VALUES)).encode())
     assert not guess.read
-    assert "nothing between two frames" in guess.refusal()
+    assert "which no device file joins" in guess.refusal()
 
 
 def test_the_checksum_of_nmea_leaves_out_the_dollar():

@@ -244,6 +244,13 @@ def vendor_table(title, times, separator=",", above="", end="\n", behind=""):
     return above + "\n".join(line + behind for line in (title, *rows)) + end
 
 
+def of_day(seconds, noon=False):
+    """Write a time of day, s from a minute before midnight, or before 1 PM as an American clock shows it."""
+    over = seconds >= 60
+    hour = ("12", " 1")[over].strip() if noon else ("23", "0")[over]
+    return f"{hour}:{(59, 0)[over]:02d}:{seconds - 60 * over:05.2f}{' PM' * noon}"
+
+
 TITLE = "Time [ms], Elem0, Elem1, Elem2, Elem3"
 MS = [str(20 * k) for k in range(250)]
 S = [f"{0.02 * k:g}" for k in range(250)]
@@ -275,6 +282,12 @@ US = [str(20_000 * k) for k in range(250)]
         vendor_table("%time,field.data0,b,c,d", [f"{1_700_000_000_000_000_000 + 20_000_000 * k}" for k in range(250)]),
         vendor_table("Date,Time,a,b,c,d", [f"27/11/2026,4:00:0{time}" for time in S]),
         vendor_table("timestamp,a,b,c,d", [f"2026-11-27 04:00:0{time}" for time in S]),
+        vendor_table("datetime,a,b,c,d", [f"2026-11-27T04:00:0{time}Z" for time in S]),
+        vendor_table("Elapsed,a,b,c,d", [f"100:59:0{time}" for time in S]),
+        vendor_table("Time,a,b,c,d", [of_day(59.0 + 0.02 * k) for k in range(250)]),
+        vendor_table("Time,a,b,c,d", [of_day(59.0 + 0.02 * k, noon=True) for k in range(250)]),
+        vendor_table("Time,a,b,c,d", [f"{45_258.25 + 0.02 * k / 86_400}" for k in range(250)]),
+        "a,b,c,d,time [s]\n" + "".join(f"0,{1 + 20 * (100 <= k < 150)},2,3,{time}\n" for k, time in enumerate(S)),
         vendor_table("X_Value\ta\tb\tc\td\tComment", [time.replace(".", ",") for time in S], "\t",
                      above="Time_Pref\tRelative\nTime\t12:00:00,5\n" + "Channels\t4\n" * 25, behind="\t"),
     ],

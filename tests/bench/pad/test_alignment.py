@@ -140,11 +140,19 @@ def changed(row, reading):
     return replace(scan, readings=readings)
 
 
+def counts(of):
+    """Give presses whose readings are `of` those above rest."""
+    scan = lost(scan_of(["tee", "ell"]))
+    return replace(scan, readings=of(scan.readings))
+
+
 @pytest.mark.parametrize(
     ("scan", "words"),
     [
         (lambda: scan_of(["tee"]), "--poses unknown"),
         (lambda: lost(scan_of(["tee"], presses=1)), "'tee' has one training press"),
+        (lambda: counts(lambda readings: readings + 400), "16 training presses are too few to find it"),
+        (lambda: counts(lambda readings: 1023 - readings), "at rest is not 0"),
         (
             lambda: changed(2, lambda rng: rng.normal(0, 1, PAD.taxels)),
             "'tee' these are idle frames.*: 3; leave",
