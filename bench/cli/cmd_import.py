@@ -72,8 +72,9 @@ def command(
             except InputError:
                 if not source.exists():
                     raise InputError(f"cannot read {source}: there is no such file") from None
+                missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
                 raise InputError(
-                    f"{source} does not say the pad and the unit of its readings; give --pad and --unit"
+                    f"{source} does not say its pad and unit; give {' and '.join(missing)}"
                 ) from None
             raise InputError(
                 f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"

@@ -25,7 +25,9 @@ def command(
     trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
     out: Annotated[
         Path | None,
-        typer.Option(help="A new folder for validation.json and world.toml, for `bench scan --world`."),
+        typer.Option(
+            help="A new folder for validation.json, presses.png and world.toml, for `bench scan --world`."
+        ),
     ] = None,
     seed: shared.Seed = 0,
     as_json: shared.AsJson = False,
@@ -40,6 +42,7 @@ def command(
     from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
     from tactsim.bench.pad import validation
+    from tactsim.bench.pad.validation_picture import presses_figure
     from tactsim.bench.placement import load_scan
     from tactsim.bench.places import check_new_folder, save_and_show, save_beside
     from tactsim.bench.terminal import progress_bars
@@ -57,6 +60,7 @@ def command(
     def save(wanted: Path) -> Path:
         with new_folder(wanted) as folder:
             (folder / "validation.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+            (folder / "presses.png").write_bytes(presses_figure(result).png())
             (folder / "world.toml").write_bytes(tomli_w.dumps(result.parameters).encode())
         return wanted
 

@@ -39,6 +39,7 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
     _show_recognition(console, result)
     if out is not None:
         name = next(iter(result.recognition))
+        console.print(f"picture {out / 'presses.png'}", soft_wrap=True)
         console.print(f"all figures in {out / 'validation.json'}. Press as fitted, and train on that:")
         console.print(f"  bench scan --world {out / 'world.toml'} --out fitted.npz", soft_wrap=True)
         console.print(

@@ -48,8 +48,9 @@ class Validation:
 
     readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
     many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
-    outlined: letters whose outlines were fitted, in the order of `fit.grown`. recognition: by estimator and what it was
-    trained on, see `recognised`. parameters: a world file. clipped: what was found beyond its bounds.
+    presses: those that were fitted. outlined: letters whose outlines were fitted, in the order of `fit.grown`.
+    recognition: by estimator and what it was trained on, see `recognised`. parameters: a world file. clipped: what was
+    found beyond its bounds.
     """
 
     readings: int
@@ -61,6 +62,7 @@ class Validation:
     taxels: int
     errors: dict[str, TaxelError]
     fit: SensorFit
+    presses: Scan
     outlined: tuple[str, ...]
     recognition: dict[str, dict[str, dict[str, Any]]]
     parameters: dict[str, Any]
@@ -81,7 +83,8 @@ def validate(
 
     The readings are compared at the recorded poses, which the simulated scan need not have. If the recording has
     training and test presses, the simulation is fitted to the training presses, and recognises the test presses.
-    Near copies of a press are averaged for the fit (`numbers_of_copies`); its noise is that of single presses.
+    Of a press with several moments the fit takes the last. Near copies of a press are averaged for it
+    (`numbers_of_copies`); its noise is that of single presses.
     Raises InputError if the recorded letters or taxels are not in the simulation, for presses that cannot be its own
     (`check_presses`), or for an estimator or option that does not exist.
     """
@@ -89,6 +92,8 @@ def validate(
         create(name, **(options or {}))  # a wrong name or option is reported before the work
     apart = bool(len(recorded.where("train")) and len(recorded.where("test")))
     single = recorded.where("train") if apart else recorded
+    if single.moments is not None:  # a lighter moment is no press of its own
+        single = single.chosen(single.moments == single.moments.max())
     every = PressesAsRecorded(simulated, single)
     unit = str(recorded.meta.get("unit", "kPa"))
     check_presses(single, every(every.stated, every.level))
@@ -138,6 +143,7 @@ def validate(
         taxels=len(recorded.taxel_xy),
         errors=errors,
         fit=fit,
+        presses=few,
         outlined=presses.outlined,
         recognition=recognition,
         parameters=world,
@@ -266,6 +272,7 @@ def as_json(result: Validation) -> dict[str, Any]:
         return int(value) if isinstance(value, np.integer) else value
 
     whole = asdict(result)
+    del whole["presses"]
     for name in ("held_out", "held_out_placed"):
         del whole["fit"][name]  # as large as the recording
     return {key: plain(value) for key, value in whole.items()}

@@ -257,14 +257,16 @@ def test_a_pad_of_odd_columns_without_a_seam_is_validated_in_counts(here, tmp_pa
     noise = rng.normal(0, 0.5, (len(rows), 20))
     split = np.where(np.arange(len(rows)) % 20 < 10, "train", "test")
     meta = {"source": "recorded", "unit": "count"}
-    readings = 40 * other.readings[rows] + noise
-    Scan(readings, other.poses[rows], other.labels[rows], split, other.taxel_xy, meta).save(
+    moments = np.where(np.arange(len(rows)) % 20 == 3, 0.7, 1.0)  # the fit takes none of .7
+    readings = 40 * moments[:, None] * other.readings[rows] + noise
+    Scan(readings, other.poses[rows], other.labels[rows], split, other.taxel_xy, meta, moments=moments).save(
         tmp_path / "recorded.npz"
     )
     words = ["--estimator", "histogram", "--set", "bins=200", "--trials", "1", "--out", "result"]
     pair = ["--simulated", "simulated.npz", "--recorded", "recorded.npz"]
     said = right(here("validate", *pair, *words))
-    assert f"fitted to {len(rows) // 2} training ones, near copies averaged to {len(few)}" in said
+    assert f"fitted to {9 * len(few)} training ones, near copies averaged to {len(few)}" in said
+    assert (tmp_path / "result" / "presses.png").is_file()
     found = json.loads((tmp_path / "result" / "validation.json").read_text())
     assert found["fit"]["noise"] > 0.4  # of single presses; that of the means is 0.16
     assert found["parameters"]["sensor"]["noise"] == pytest.approx(found["fit"]["noise"], rel=1e-4)

@@ -128,6 +128,7 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
     ("words", "says"),
     [
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
+        (["a.npz", "--pad", "emulated", "--out", "scan.npz"], "give --unit"),
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'labels', 'poses', "),
         (["b.h5", *WORDS], "says its pad and unit itself"),
