@@ -215,14 +215,15 @@ class RefinedFilter(GridFilter):
     def _letter_mass(self, letter: NDArray[np.int64], weights: Weights) -> FloatArray:
         """Sum the belief of each letter (letters,), tempered as far as the readings are explained badly.
 
-        Then letters count whose cells are all negligible, too: each by its best coarse bin.
+        Then letters count whose cells are all negligible, too: each by its best coarse bin. No letter has less than
+        what is negligible: an exact 0 would say more than is known, and costs without limit where it is wrong.
         """
         mass = letter_mass(letter, weights, len(self.labels))
         if self._unexplained:
             end, _, log_p = self._leaves
             of_bins = np.exp(self._weight * self._best - heaviest(end, log_p, self._weight))
             mass = np.where(mass > 0, mass, of_bins)
-        return np.asarray(mass ** (1 / (1 + self._unexplained)))
+        return np.maximum(mass ** (1 / (1 + self._unexplained)), math.exp(-_NEGLIGIBLE))
 
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
