@@ -16,8 +16,6 @@ from tactsim.core.errors import InputError, short
 if TYPE_CHECKING:
     from tactsim.core.source import Source
 
-_MOST_IDLE = 10_000  # readings
-
 
 def finite_number(text: str) -> float | None:
     """Read a finite number; None if `text` is not one."""
@@ -135,7 +133,7 @@ def idle_frames(path: Path | None, opened: Callable[[Path], Source] | None = Non
             return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
         if opened is not None:
             with suppress(SourceError), opened(path) as source:
-                if read := [reading.pressures for reading in islice(source, _MOST_IDLE)]:
+                if read := [reading.pressures for reading in islice(source, 10_000)]:
                     return np.array(read)
         text = read_text(path, "idle readings", LARGE)
         with suppress(CodecError):

@@ -83,7 +83,12 @@ def align(
             "replay them with --zero or --idle"
         )
     rise = np.clip(idle.rise(train.readings), 0, None)
-    _check_presses(train, rise)
+    most, nothing = rise.max(axis=1), "are idle frames, which feel next to nothing: {}; leave them out"
+    refuse(train, most <= _IDLE * np.median(most), "training presses", nothing)
+    for label in train.letters:
+        if np.count_nonzero(train.labels == label) < 2:
+            raise InputError(f"{label!r} has one training press; two or more can be laid over each other")
+    check_labels_apart(train, np.ones(len(train), dtype=bool))
     objects = properties(scan) if withheld else {}
     found: dict[str, Alignment] = {}
     poses, views = scan.poses.copy(), np.zeros(len(scan), dtype=np.int64)
@@ -109,17 +114,6 @@ def align(
     presses = np.arange(len(scan)) if scan.presses is None else scan.presses
     views_of = views if views.any() else None
     return replace(scan, poses=poses, views=views_of, presses=presses, meta=meta), found
-
-
-def _check_presses(train: Scan, rise: FloatArray) -> None:
-    """Raise InputError for training presses that cannot be laid over each other. rise: (n, taxels) above idle."""
-    most = rise.max(axis=1)
-    nothing = "are idle frames, which feel next to nothing: {}; leave them out"
-    refuse(train, most <= _IDLE * np.median(most), "training presses", nothing)
-    for label in train.letters:
-        if np.count_nonzero(train.labels == label) < 2:
-            raise InputError(f"{label!r} has one training press; two or more can be laid over each other")
-    check_labels_apart(train, np.ones(len(train), dtype=bool))
 
 
 def refuse(scan: Scan, wrong: NDArray[np.bool_], kind: str, what: str) -> None:

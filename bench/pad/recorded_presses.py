@@ -13,6 +13,7 @@ from tactsim.core.checking import checked
 from tactsim.core.idle import find_idle
 from tactsim.core.poses import FloatArray, compose
 from tactsim.hardware.sensor_fit import Guess
+from tactsim.hardware.taxel_error import untouched
 from tactsim.models.letter import Letter
 from tactsim.press.bed import lay_bed, levels
 from tactsim.press.engine import press_at
@@ -125,12 +126,19 @@ class PressesAsRecorded:
 def check_presses(recorded: Scan, predicted: FloatArray) -> None:
     """Refuse recorded presses that cannot be those of the simulation, with predicted (n, taxels) kPa at their poses.
 
-    Raises InputError for idle frames where the simulation touches, a press that resembles nothing of what it presses
-    there, and a press that two labels have in common. Presses that only graze an object are not judged.
+    Raises InputError for readings that are not 0 at rest, idle frames where the simulation touches, a press that
+    resembles nothing of what it presses there, and a press that two labels have in common. Presses that only graze an
+    object are not judged.
     """
     felt = np.clip(find_idle(recorded.readings).rise(recorded.readings), 0, None)
     predicted = np.nan_to_num(predicted)
     touch, most = predicted.max(axis=1), felt.max(axis=1)
+    rest = recorded.readings[untouched(predicted) & (touch > 0)[:, None]]
+    if len(rest) and abs(level := float(np.median(rest))) > _IDLE * np.ptp(recorded.readings):
+        raise InputError(
+            f"taxels that nothing touches in the simulation read {level:.4g} in the recording, not 0; import or replay "
+            f"it with --zero {level:.4g}, or with --idle"
+        )
     judged = touch > _GRAZES * (np.median(touch[touch > 0]) if touch.any() else 0.0)
     idle = judged & (most <= _IDLE * (np.median(most[judged]) if judged.any() else 0.0))
     size = np.linalg.norm(felt, axis=1) * np.linalg.norm(predicted, axis=1)

@@ -32,6 +32,7 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds":
 _SECONDS |= {"milliseconds": 1e-3, "msec": 1e-3, "millis": 1e-3, "usec": 1e-6, "micros": 1e-6}
 _SECONDS |= {"secs": 1.0, "days": _DAY, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
+_BY_STEP = ((1e-5, "days"), (1, "s"), (1e3, "ms"), (1e6, "us"))  # of a time, below which it is in that unit
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
@@ -180,8 +181,6 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
         raise CodecError(f"the title's unit of time is {bracketed[1]!r}; known are {', '.join(_SECONDS)}")
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    unit = next(
-        (unit for most, unit in ((1e-5, "days"), (1, "s"), (1e3, "ms"), (1e6, "us")) if step < most), "ns"
-    )
+    unit = next((unit for most, unit in _BY_STEP if step < most), "ns")
     remark = f"the time is read as {unit}, by its steps of {step:g}: a title like 'time [s]' says it outright"
     return _SECONDS[unit], remark

@@ -304,6 +304,11 @@ def test_presses_that_cannot_be_what_was_simulated_are_refused(here, tmp_path):
         replace(scan, readings=readings).save(tmp_path / "wrong.npz")
         refused(here("validate", "--simulated", "ae.npz", "--recorded", "wrong.npz"), why)
 
+    few = np.arange(len(scan)) % 12 == 0
+    replace(scan.chosen(few), readings=400 - scan.readings[few]).save(tmp_path / "few.npz")
+    refused(
+        here("validate", "--simulated", "ae.npz", "--recorded", "few.npz"), "nothing touches", "--zero 400"
+    )
     idle = scan.readings.copy()
     idle[near] = 0.0
     refused_for("of the 192 presses of 'A' these are idle frames", idle)
