@@ -206,12 +206,10 @@ def print_places(run: Run, folder: Path) -> None:
     ]
     if run.estimator != standard:
         figure = _error_of_default() if paper.beside(run) else ""
+        nexts.append(f"the same data with --estimator {standard}  # the default{figure}")
+    elif not run.in_space and run.config["explore"] == "random" and RunConfig(**run.config).pressed:
         nexts.append(
-            f"bench run{' --task solids' * run.in_space}  # the default estimator, {standard}{figure}"
-        )
-    elif not run.in_space and run.config["explore"] == "random" and run.config["scan"] is None:
-        nexts.append(
-            "bench run --explore information --readings 10  # it chooses the touches; --explore blind does not"
+            "the same with --explore information --readings 10  # it chooses the touches; --explore blind does not"
         )
     for line in nexts:
         console.print(f"next     {line}", soft_wrap=True)

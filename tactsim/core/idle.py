@@ -172,6 +172,9 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         train = scan.where("train")
         idle = find_idle((train if len(train) else scan).readings)
         if not idle.known.any():
+            sessions = scan.meta.get("recordings", [])
+            if sessions and all(one.get("calibrated") and all(one["calibrated"]) for one in sessions):
+                return scan, "readings are as they were tared"
             return (
                 scan,
                 "what taxels read at rest cannot be told from these readings, so they were not zeroed; --zero N sets "

@@ -83,6 +83,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     again = right(here("replay", "A.tactrec", "--scan", "again.npz", "--csv", "readings.csv"))
     assert "finished" in again
     assert "2 segments" in again
+    assert "readings are as they were tared" in again
     (tmp_path / "copy.tactrec").write_bytes((tmp_path / "A.tactrec").read_bytes())
     for twin in ("A.tactrec", "./A.tactrec", "copy.tactrec"):
         refused(here("replay", "A.tactrec", twin, "--scan", "twice.npz"), "same recording as A.tactrec")
