@@ -28,7 +28,7 @@ LEAST_THICKNESS = 0.02  # mm
 # Parts of a slicer's projects, and of extensions of 3MF, that are no part of the solid or change it.
 _NO_SOLID = re.compile(
     rb"\b(NegativeVolume|ParameterModifier|negative_part|modifier_part|[Ss]upport_?(?:[Bb]lock|[Ee]nforc)er)\b"
-    rb'|<(?:\w+:)?(beamlattice|booleanshape)\b|\b(type="(?:(?:solid)?support|surface|other)"|printable="0")'
+    rb'|<(?:\w+:)?(beamlattice|booleanshape|levelset)\b|\b(type="(?:(?:solid)?support|surface|other)"|printable="0")'
 )
 GAP = 2e-5  # share of a mesh's size between corners that are meant to be one, as rounding leaves them
 LARGEST = 1e4  # mm: no coordinate of a thing that a pad could feel is larger
@@ -51,9 +51,8 @@ def read_solid(content: bytes, kind: str) -> Manifold:
     watertight, is of too many bodies or has no thickness.
     """
     mesh = _load(content, kind)
-    bottom, top = float(mesh.bounds[0, 2]), float(mesh.bounds[1, 2])
-    if not top - bottom > LEAST_THICKNESS:
-        raise InputError(f"the mesh is only {top - bottom:.2g} mm thick along z ({UNITS})")
+    if not (thickness := mesh.extents[2]) > LEAST_THICKNESS:
+        raise InputError(f"the mesh is only {thickness:.2g} mm thick along z ({UNITS})")
     return _united(_bodies(mesh))
 
 
@@ -161,7 +160,9 @@ def _load(content: bytes, kind: str) -> Trimesh:
                     mesh.apply_scale(trimesh.units.unit_conversion(scene.units, "mm"))
             _check_corners(mesh.vertices, mesh.faces)
             mesh.merge_vertices(merge_tex=True, merge_norm=True)
-            if not mesh.is_watertight:
+            # A facet with a repeated corner leaves nothing open, so it is no reason to close gaps.
+            kept = mesh.faces[(mesh.faces != np.roll(mesh.faces, 1, axis=1)).all(axis=1)]
+            if not Trimesh(mesh.vertices, kept, process=False).is_watertight:
                 same = np.arange(len(mesh.vertices))
                 for corners in trimesh.grouping.clusters(mesh.vertices, GAP * mesh.extents.max()):
                     same[corners] = corners[0]
@@ -352,8 +353,7 @@ def _check_claims(content: bytes, kind: str) -> None:
     elif kind in ("glb", "gltf"):
         faces = _gltf_faces(content, kind)
     elif kind == "ply":
-        claimed = re.search(rb"element\s+face\s+(\d+)", content[:10_000])
-        faces = int(claimed[1]) if claimed else 0
+        faces = sum(map(int, re.findall(rb"element\s+face\s+(\d+)", content[:10_000])))
     else:
         faces = 0  # a 3MF claims none: `_check_archive` looks at its size
     if faces > MOST_FACES:
@@ -376,6 +376,8 @@ def _gltf_faces(content: bytes, kind: str) -> int:
             raise InputError("not a GLB file (binary glTF 2.0)")
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     tree = parse_json(content, "its JSON")
+    if not str(tree.get("asset", {}).get("version")).startswith("2."):
+        raise InputError("it is no glTF 2.0, which is what is read; export it as that")
     accessors = tree.get("accessors", [])
     instances = {"EXT_mesh_gpu_instancing"} & {*tree.get("extensionsUsed", [])}
     for name in [*tree.get("extensionsRequired", []), *instances]:

@@ -42,9 +42,7 @@ def inset(contours: Sequence[FloatArray], distance: float) -> list[FloatArray]:
             raise InputError(f"rounding by {distance:g} mm is more than the shortest edges carry; take less")
         moved.append(corner)
     union = CrossSection(moved)
-    signed = sum(
-        float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (contour.T for contour in moved)
-    )
+    signed = sum(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in map(np.transpose, moved))
     if union.num_contour() != len(moved) or abs(union.area() - signed) > 1e-6:
         raise InputError(f"rounding by {distance:g} mm is more than the strokes carry; take less")
     return moved

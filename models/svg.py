@@ -33,7 +33,8 @@ from tactsim.models.css import SVG, Paint, Rgb, Style, color, computed, declarat
 
 FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
 LARGEST_FLATTENING = 0.002  # mm
-MOST_CHORDS = 20_000
+MOST_CHORDS = 50_000  # uniting them takes seconds
+MOST_IN_OUTLINE = 20_000  # chords of an outline, of which each may cross each
 MOST_ELEMENTS = 100_000  # clones counted each time
 LARGEST_FILE = 2 << 20  # bytes
 LARGEST = 1e4  # mm
@@ -259,16 +260,18 @@ class _Reader:
 
     def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
         """Flatten a shape's outlines, each of which is closed, and give the region within, clipped, mm."""
-        contours = []
+        contours, before = [], self.chords
         for part in _subpaths(_path_data(element.tag.removeprefix(SVG), self.declared[element], here.view)):
             contours.append(_chords(part, here.matrix, self.flattening))
             self.chords += len(contours[-1])
-            if self.chords > MOST_CHORDS:
-                raise InputError(f"the drawing has more than {MOST_CHORDS:,} chords; simplify its paths")
+            if self.chords > min(MOST_CHORDS, before + MOST_IN_OUTLINE):
+                raise InputError(
+                    f"it has more than {MOST_CHORDS:,} chords, or {MOST_IN_OUTLINE:,} in an outline: simplify it"
+                )
         region = CrossSection(contours, FillRule.EvenOdd if rule == "evenodd" else FillRule.NonZero)
-        if region.num_vert() > MOST_CHORDS:
+        if region.num_vert() > MOST_IN_OUTLINE:
             raise InputError(
-                f"an outline crosses itself in {region.num_vert():,} corners; the most is {MOST_CHORDS:,}"
+                f"an outline crosses itself in {region.num_vert():,} corners; the most is {MOST_IN_OUTLINE:,}"
             )
         region = region if here.clip is None else region ^ here.clip
         if here.hazard and not region.is_empty():
@@ -584,10 +587,6 @@ def _joined(outer: FloatArray, inner: FloatArray) -> FloatArray:
     return outer @ np.vstack([inner, [0, 0, 1]])
 
 
-def _moved(matrix: FloatArray, points: FloatArray) -> FloatArray:
-    return points @ matrix[:, :2].T + matrix[:, 2]
-
-
 def _link(attributes: dict[str, str]) -> str:
     return next((attributes[key].strip().removeprefix("#") for key in _HREFS if key in attributes), "")
 
@@ -652,7 +651,7 @@ def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> Float
             # A chord is off by its length^2 curvature / 8, and second differences are what a curve bends.
             bends = np.diff(_points_along(segment, _SAMPLES, matrix), n=2, axis=0)
             count = _SAMPLES * math.sqrt(float(np.hypot(*bends.T).max()) / (8 * flattening))
-        corners.append(_points_along(segment, max(math.ceil(min(count, MOST_CHORDS + 1)), 1), matrix)[1:])
+        corners.append(_points_along(segment, max(math.ceil(min(count, MOST_IN_OUTLINE + 1)), 1), matrix)[1:])
     flat = np.concatenate([_points_along(segments[0], 1, matrix)[1:], *corners])
     if not np.isfinite(flat).all() or np.abs(flat).max() > LARGEST:
         raise InputError(f"a corner lies more than {LARGEST:g} mm from the drawing's origin")
@@ -662,4 +661,4 @@ def _chords(segments: list[Any], matrix: FloatArray, flattening: float) -> Float
 def _points_along(segment: Any, count: int, matrix: FloatArray) -> FloatArray:
     """Give count + 1 points of a segment, evenly in its parameter: (count + 1, 2) mm."""
     points = np.array([complex(segment.point(k / count)) for k in range(count + 1)])
-    return _moved(matrix, np.stack([points.real, points.imag], axis=1))
+    return np.stack([points.real, points.imag], axis=1) @ matrix[:, :2].T + matrix[:, 2]

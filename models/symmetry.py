@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 TOLERANCE = 0.05  # mm: an outline that moves by less counts as unchanged; a taxel measures 1.8 mm
 LARGEST_ORDER = 64  # the turn of a higher order moves an outline hardly more than the tolerance
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
 
 
 def rotational_order(contours: Sequence[FloatArray], tolerance: float = TOLERANCE) -> int | float:
@@ -32,7 +32,7 @@ def rotational_order(contours: Sequence[FloatArray], tolerance: float = TOLERANC
     region = CrossSection(list(contours))
     grown = region.offset(tolerance)
     order = 1
-    for prime in _PRIMES:
+    for prime in PRIMES:
         while order * prime <= LARGEST_ORDER and _unchanged(region, grown, order * prime):
             order *= prime
     return order

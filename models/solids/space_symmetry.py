@@ -17,12 +17,11 @@ from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.models.solids.triangles import CELL, CutSurface, to_triangles
-from tactsim.models.symmetry import LARGEST_ORDER, TOLERANCE
+from tactsim.models.symmetry import LARGEST_ORDER, PRIMES, TOLERANCE
 
 _FIRST = 300  # points that are compared first: most turns fail there
 _ALIKE = 0.01  # moments of inertia that differ by this share of the largest may be equal
 _SAME_TURN = 1e-2  # rad: turns nearer than this are one
-_PRIMES = tuple(n for n in range(2, LARGEST_ORDER) if all(n % d for d in range(2, n)))
 _GOLDEN = math.pi * (3 - math.sqrt(5))  # rad: multiples of it fall together with no order's
 _MOST_TIPS = 60  # furthest points that are permuted: no finite group but the prisms' has more turns
 
@@ -104,7 +103,7 @@ def _symmetry_about(surface: _Surface, axis: FloatArray) -> SpaceSymmetry:
         flip = rigid.from_vector(math.pi * across)
         return SpaceSymmetry(_group([flip] if surface.is_unchanged(flip) else []), axis)
     order = 1
-    for prime in _PRIMES:
+    for prime in PRIMES:
         while order * prime <= LARGEST_ORDER and surface.is_unchanged(
             rigid.from_vector(2 * math.pi / (order * prime) * axis)
         ):

@@ -178,6 +178,7 @@ SEEN = [
     (f'{L}<rect x="40" y="40" width="5" height="5"/><rect xmlns="" {RECT}/>', 204),
     (f'<g transform="{"scale(1)   " * 40}scale(2px)">{L}</g>', 204),  # at once, however many stand before
     ('<rect width="30" height="30"/>', 900),
+    ('<circle cx="15" cy="15" r="12"/>' * 150, 144 * math.pi),  # an illustration of 30,000 chords
 ]  # fmt: skip
 
 
