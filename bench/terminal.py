@@ -34,6 +34,8 @@ from tactsim.core.errors import counted
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
 
+# Options of a run that say nothing of the data it asks about.
+_OF_ANY_DATA = {"estimator", "bins", "particles", "set", "trials", "readings", "seed", "explore", "bound"}
 STAGES = {
     "press": "pressing",
     "map": "mapping",
@@ -200,16 +202,21 @@ def print_places(run: Run, folder: Path) -> None:
     console.print(f"results  {folder}", soft_wrap=True)
     for picture in picture_names(run):
         console.print(f"picture  {folder / picture}", soft_wrap=True)
-    standard = "space-refined" if run.in_space else RunConfig.model_fields["estimator"].default
+    standard, again, pressed = "space-refined", "the same data with", False
+    if not run.in_space:
+        config = RunConfig(**run.config)
+        standard, pressed = RunConfig.model_fields["estimator"].default, config.pressed
+        if config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA:
+            again = "bench run"
     nexts = [
         f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, which letters it mixes up, a trial"
     ]
     if run.estimator != standard:
         figure = _error_of_default() if paper.beside(run) else ""
-        nexts.append(f"the same data with --estimator {standard}  # the default{figure}")
-    elif not run.in_space and run.config["explore"] == "random" and RunConfig(**run.config).pressed:
+        nexts.append(f"{again} --estimator {standard}  # the default{figure}")
+    elif pressed and run.config["explore"] == "random":
         nexts.append(
-            "the same with --explore information --readings 10  # it chooses the touches; --explore blind does not"
+            f"{again} --explore information --readings 10  # it chooses the touches; --explore blind does not"
         )
     for line in nexts:
         console.print(f"next     {line}", soft_wrap=True)
