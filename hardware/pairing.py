@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs.codec import Frame
@@ -12,12 +11,6 @@ Place = tuple[int, int]  # port, address
 Moment = dict[Place, Frame]  # the frames of all parts
 
 _MOST_VALUES = 1 << 17  # taxels' values that wait for other parts: more than a port gives in one read
-
-
-@dataclass
-class _Open:
-    since: float
-    frames: Moment = field(default_factory=dict)
 
 
 class ByIndex:
@@ -34,28 +27,31 @@ class ByIndex:
         self._parts, self._wrap, self._patience = len(set(places)), wrap, patience
         self._most = min(max(4, _MOST_VALUES // taxels), wrap // 4)
         self._counters = counters
-        self._moments: dict[int, _Open] = {}  # by counter, in the order in which they began
+        # By counter, in the order in which they began: since when, s, and what has come.
+        self._moments: dict[int, tuple[float, Moment]] = {}
 
     def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
         """Take in a frame that came at `latest`, s; returns the moment that it completes, or None."""
         index = frame.index
         assert index is not None
         while self._moments:
-            first, moment = next(iter(self._moments.items()))
-            passed = place not in moment.frames and 0 < (index - first) % self._wrap <= self._wrap // 2
-            if not passed and latest - moment.since <= self._patience and len(self._moments) <= self._most:
+            first, (since, frames) = next(iter(self._moments.items()))
+            passed = place not in frames and 0 < (index - first) % self._wrap <= self._wrap // 2
+            if not passed and latest - since <= self._patience and len(self._moments) <= self._most:
                 break
-            self._counters.unpaired += len(self._moments.pop(first).frames)
-        moment = self._moments.setdefault(index, _Open(latest))
-        self._counters.unpaired += place in moment.frames
-        moment.frames[place] = frame
-        if len(moment.frames) < self._parts:
+            self._counters.unpaired += len(frames)
+            del self._moments[first]
+        _, frames = self._moments.setdefault(index, (latest, {}))
+        self._counters.unpaired += place in frames
+        frames[place] = frame
+        if len(frames) < self._parts:
             return None
-        return self._moments.pop(index).frames
+        del self._moments[index]
+        return frames
 
     def forget(self) -> None:
         """Drop what waits."""
-        self._counters.unpaired += sum(len(moment.frames) for moment in self._moments.values())
+        self._counters.unpaired += sum(len(frames) for _, frames in self._moments.values())
         self._moments.clear()
 
 

@@ -206,7 +206,7 @@ class CsvReplay(Source):
             elif isinstance(device.codec, CsvFormat):
                 names, frames, self._remark = read_table(self._texts)
                 if device.part[0].taxels is None:  # which would say the order
-                    check_taxel_names(names)
+                    check_taxel_names(names, device.codec.unit)
                 if len(names) != device.codec.taxels:
                     raise SourceError(
                         f"it has {len(names)} taxels, {device.name!r} has {device.codec.taxels}"

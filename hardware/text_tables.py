@@ -20,6 +20,7 @@ TITLE_WITHIN = 40  # lines, at whose end the names have stood
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
+_UNIT_BEHIND = re.compile(r"[\[(] *([kMh]?Pa|psi|m?bar|mmHg|m?N|m?V|N/[cm]?m(?:²|\^?2)) *[\])]$")
 # Names of columns where a row is a taxel's.
 _OF_A_TAXEL = {"row", "col", "column", "taxel", "sensor", "channel", "value"}
 
@@ -67,11 +68,15 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
     ]  # fmt: skip
 
 
-def check_taxel_names(names: Sequence[str]) -> None:
+def check_taxel_names(names: Sequence[str], unit: str) -> None:
     """Raise InputError if the names of columns tell that these are not the taxels in their order, along the rows.
 
-    `t0 t1 t2`, `r0c0 r0c1 r1c0` and `x0y0 x1y0 x0y1` rise. Beside names with numbers one without is no taxel's.
+    `t0 t1 t2`, `r0c0 r0c1 r1c0` and `x0y0 x1y0 x0y1` rise. Beside names with numbers one without is no taxel's. A unit
+    behind all of them, as in `S1 [N]`, is `unit`, or that is count.
     """
+    stated = {found and found[1] for found in map(_UNIT_BEHIND.search, names)}
+    if unit != "count" and len(stated) == 1 and not stated & {None, unit}:
+        raise InputError(f"columns {names[0]} ... are not in {unit}; count keeps numbers as they are")
     numbers = [[int(number) for number in re.findall(r"\d+", name)] for name in names]
     kinds = [re.sub(r"\d+", "#", name) for name in names]
     if len(_OF_A_TAXEL.intersection(map(str.lower, names))) > 1:

@@ -117,4 +117,4 @@ class _Heard:
         elif guess is not None:
             typer.echo(f"\n{guess.refusal()}\n", err=True)
         elif is_text(self._first):
-            typer.echo("\nThe device prints text, but no lines of bare numbers, without units.\n", err=True)
+            typer.echo("\nThe device prints text, but no ended lines of numbers without units.\n", err=True)

@@ -50,7 +50,7 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
         if not taxels:
-            taxels = _taxel_columns(words, where)
+            taxels = _taxel_columns(words, unit, where)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
@@ -75,13 +75,13 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
     )
 
 
-def _taxel_columns(words: dict[str, str], where: str) -> list[str]:
-    """Choose the columns of taxels, in the order of the taxels. Raises InputError where their numbers do not rise."""
+def _taxel_columns(words: dict[str, str], unit: str, where: str) -> list[str]:
+    """Choose the columns of taxels, in the order of the taxels. Raises InputError where their names say otherwise."""
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
     names = [name for name in words if name not in _NO_TAXELS and _number(words[name]) is not None]
     try:
-        check_taxel_names(names)
+        check_taxel_names(names, unit)
     except InputError as error:
         raise InputError(f"{where}: {error}; or call the taxels t0, t1 ...") from None
     return names

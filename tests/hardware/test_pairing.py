@@ -75,7 +75,7 @@ def test_by_the_counter_no_loss_joins_two_moments(ports, first, losses, random):
     if not losses:
         assert len(readings) == 60
     waiting = sum(len(framer._buffer) for framer in stream._framers)
-    moments = [moment.frames for moment in stream._pairing._moments.values()]
+    moments = [frames for _, frames in stream._pairing._moments.values()]
     waiting += sum(frame.values.nbytes for moment in moments for frame in moment.values())
     assert waiting < 100 * len(ports) * 100
     assert every_frame_is_accounted_for(stream, readings)

@@ -333,6 +333,10 @@ def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_pa
         (TITLE.encode(), "stands no line of numbers"),
         (b"Time [ms],R1C1,R2C1,R1C2,R2C2\n0,1,2,3,4\n", "R1C1, R2C1, R1C2, R2C2 ... are in no order"),
         (b"Time [ms],N,Elem0,Elem1,Elem2\n0,1,2,3,4\n", "column 'N' beside N, Elem0, Elem1 ... is no taxel"),
+        (
+            "Time,1 [N/cm²],2 [N/cm²],3 [N/cm²],4 [N/cm²]\n0,1,2,3,4\n".encode(),
+            r"1 \[N/cm²\] ... are not in kPa",
+        ),
         (b"time_ms,row,col,value\n0,0,0,5\n", "it has a taxel a row; make it a table with a column a taxel"),
     ],
 )
