@@ -41,6 +41,7 @@ LARGEST = 1e4  # mm
 WHOLE_PAGE = 1e-3  # share of the page that a fill may leave free and still be the page itself
 _SAMPLES = 32  # steps along a curve by which its bend is measured
 WHITE = 250  # least red, green and blue of white: CorelDRAW's is #fefefe
+FAINT = 0.01  # opacity of what can hardly be seen
 OPAQUE = 0.99  # a white fill hides what lies below it from this opacity on
 PIXEL = 25.4 / 96  # mm
 
@@ -184,6 +185,8 @@ class _Reader:
             remarks.insert(0, f"{strokes:,} strokes are left out: only what is filled counts")
         if pages:
             remarks.append("a fill of the whole page is left out: it is the page and not the shape")
+        if faint := sum(fill.paint.alpha < FAINT for fill in fills[pages:]):
+            remarks.append(f"{faint:,} fills that fade out or can hardly be seen count as filled")
         region = _seen(fills[pages:], fills[pages - 1].paint.rgb if pages else None, remarks)
         style = computed({"transform-origin": "50% 50%"} | self.declared[self.root], {})
         if style["transform"] != "none":  # of the page as a whole, in pixels about its middle
@@ -479,8 +482,7 @@ def _page(declared: Style) -> tuple[FloatArray, tuple[float, float] | None, Floa
 
 
 def _view_box(declared: Style) -> tuple[float, float, float, float] | None:
-    text = declared.get("viewBox", "").strip()
-    if not text:
+    if not (text := declared.get("viewBox", "").strip()):
         return None
     try:
         x, y, width, height = (float(number) for number in re.split(r"[\s,]+", text))

@@ -268,6 +268,11 @@ def test_icons_are_what_resvg_fills(text, page):
             f'{WHITE}<rect x="20" y="2" width="9" height="9"/>',
             "204 mm^2 of white that lie on no other colour",
         ),
+        (
+            '<linearGradient id="g"><stop/><stop offset="1" stop-opacity="0"/></linearGradient>'
+            f'{L}<rect x="20" width="9" height="9" fill="url(#g)"/>',
+            "1 fills that fade out",
+        ),
         (f'{L}<rect fill="none" stroke="none" {RECT}/>', ""),
     ],
 )
