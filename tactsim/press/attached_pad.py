@@ -48,9 +48,7 @@ class AttachedPad:
         than the face, or if a height field, a signed distance field or a flex can touch the geom.
         """
         if not isinstance(model, mujoco.MjModel):
-            raise InputError(
-                f"a pad is bound to a compiled mujoco.MjModel, got {short(type(model).__name__)}"
-            )
+            raise InputError(f"a pad is bound to a compiled mujoco.MjModel, got {short(type(model))}")
         # A model that was attached to another one with a prefix renames its geoms.
         names = [geom if isinstance(geom, str | int) else geom.name for geom in self.geoms]
         numbers = {model.geom(i).name or i: i for i in range(model.ngeom)}
@@ -200,9 +198,7 @@ def _find(
 ) -> tuple[tuple[mujoco.MjsGeom | str | int, ...], str, int]:
     """Find geoms in a spec or a model: each (or its name, or number), what to call them, and the type of the first."""
     if not isinstance(spec, mujoco.MjSpec | mujoco.MjModel):
-        raise InputError(
-            f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec).__name__)}"
-        )
+        raise InputError(f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec))}")
     compiled = isinstance(spec, mujoco.MjModel)
     if compiled:
         every, bodies = [spec.geom(i) for i in range(spec.ngeom)], [spec.body(i) for i in range(spec.nbody)]
@@ -249,4 +245,10 @@ def _find(
             taken.add(one.name)
     first = int(np.ravel(geoms[0].type)[0]) if len(geoms) == 1 else int(mujoco.mjtGeom.mjGEOM_MESH)
     name = geoms[0].name if len(geoms) == 1 else f"body {named.name!r}"
+    body = None if compiled or first != mujoco.mjtGeom.mjGEOM_MESH else geoms[0].parent
+    if body and spec.compiler.fusestatic and body != spec.worldbody and not (body.joints or body.mocap):
+        raise InputError(
+            f"body {body.name!r} has no joint and is fused with the one that it is on, and `normal` is in its frame: "
+            "set spec.compiler.fusestatic = False, which a URDF turns on"
+        )
     return tuple(one.name or one.id if compiled else one for one in geoms), name, first

@@ -94,16 +94,10 @@ def body_of(model: mujoco.MjModel, geoms: Sequence[int]) -> Body:
     balls = model.geom_type[list(geoms)] == mujoco.mjtGeom.mjGEOM_SPHERE
     size[balls] = size[balls, :1]
     radii, ends = model.geom_rbound[list(geoms)] * _MM, np.cumsum([0, *map(len, faces)])
-    every = np.concatenate(faces)
-    return Body(
-        np.array(kinds),
-        size,
-        np.where(radii > 0, radii, np.inf),  # a plane's is 0
-        np.column_stack([ends[:-1], ends[1:]]),
-        np.ascontiguousarray(every[:, :3]),
-        np.ascontiguousarray(every[:, 3]),
-        np.ascontiguousarray(every[:, 4:]),
-    )
+    radii[radii == 0] = np.inf  # a plane's
+    spans, every = np.column_stack([ends[:-1], ends[1:]]), np.concatenate(faces)
+    parts = (np.ascontiguousarray(every[:, columns]) for columns in (np.s_[:3], 3, np.s_[4:]))
+    return Body(np.array(kinds), size, radii, spans, *parts)
 
 
 _KINDS = {
@@ -266,7 +260,7 @@ def measure(
         return
     half = (body.size[geom, 0], body.size[geom, 1], body.size[geom, 2])
     bend = (1 / half[0], 1 / half[1], 1 / half[2])
-    own, upright = len(lines.normals) > 1, True
+    own, upright = len(lines.normals) > 1, -np.inf
     share[:] = 1.0
     shift[:] = 0.0
     for i in range(len(gap)):
@@ -276,9 +270,9 @@ def measure(
         elif kind == _CAPSULE:
             gap[i] = capsule_entry(point, way, half[0], half[1])
         elif math.hypot(way[0], way[1]) < STEEP:  # the cylinder's side is a wall
-            gap[i] = -np.inf
+            gap[i] = upright
         else:
-            gap[i], upright = side_entry(point, way, half[0]), False
+            gap[i] = side_entry(point, way, half[0])
     if kind != _CYLINDER:
         return
     # Of a cylinder the flat ends are entered as faces, and its side bounds them.
@@ -286,10 +280,11 @@ def measure(
     for k in range(3):
         normals[k, 0], normals[k, 1] = pose.rotations[geom, k, 2], -pose.rotations[geom, k, 2]
         offsets += normals[k] * pose.positions[geom, k]
-    enter(normals, offsets, lines, np.empty(0) if upright else gap.copy(), gap, share, shift)
-    if not upright:
-        return
+    before = gap.copy()
+    enter(normals, offsets, lines, before[: len(gap) * int((before > upright).any())], gap, share, shift)
     for i in range(len(gap)):
+        if before[i] > upright:
+            continue
         point, way = seen(lines, i, geom, pose)
         line = i if own else 0
         along_u = turned(pose.rotations, geom, vector(lines.span_u, line))
@@ -308,15 +303,8 @@ def measure(
 def among(body: Body, pose: Pose, chosen: Bools1D) -> tuple[Body, Pose]:
     """Take the chosen ones, (p,), of a body's geoms alone."""
     (geoms,) = np.nonzero(chosen)
-    parts = Body(
-        body.kind[geoms],
-        body.size[geoms],
-        body.radii[geoms],
-        body.faces[geoms],
-        body.normals,
-        body.offsets,
-        body.balls,
-    )
+    faces = body.normals, body.offsets, body.balls
+    parts = Body(body.kind[geoms], body.size[geoms], body.radii[geoms], body.faces[geoms], *faces)
     return parts, Pose(pose.rotations[geoms], pose.positions[geoms])
 
 

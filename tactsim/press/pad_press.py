@@ -29,15 +29,13 @@ _MARGIN = 1.0  # mm about the contact points where the search begins
 _GRAZING = 0.1  # of a curved pad, a point whose normal has a smaller part along the contact's touches nothing
 _RIM = 0.25  # mm from the face's rim within which a contact point may lie
 _OFF = 2.0  # mm from the face within which one is on it
-_FACING = (
-    0.7  # a load along which the face's normal has a smaller part presses the rim or another side of the geom
-)
+# A load along which the face's normal has a smaller part presses the rim or another side of the geom.
+_FACING = 0.7
 _NONE = 1e-300  # N
 _MM = 1e3  # mm in a metre
 _HELD = 1e-9  # rad for a unit of all joints, below which they do not turn a body
-_SPREAD = (
-    0.01  # contact points wider apart than this share of the face's touching part say how the load is turned
-)
+# Contact points wider apart than this share of the face's touching part say how the load is turned.
+_SPREAD = 0.01
 
 
 class Load(NamedTuple):
@@ -369,10 +367,8 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
         # What touches, with a cell more on every side, or much more where it reaches the side.
         grows = False
         for i in range(2):
-            below, above = (
-                first[i] == 0 and low[i] > face.low[i],
-                last[i] == _SEARCH - 1 and high[i] < face.high[i],
-            )
+            below = first[i] == 0 and low[i] > face.low[i]
+            above = last[i] == _SEARCH - 1 and high[i] < face.high[i]
             start = low[i]
             low[i] = max(start - size[i] if below else start + (first[i] - 1) * cell[i], face.low[i])
             high[i] = min(high[i] + size[i] if above else start + (last[i] + 2) * cell[i], face.high[i])

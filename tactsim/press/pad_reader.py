@@ -68,9 +68,8 @@ class PadReader:
         """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt."""
         self.model, self.geoms, self.pad, self.surface = model, tuple(geoms), pad, surface
         self._centre = layer.centre
-        x_low, x_high, y_low, y_high = pad.load_bounds
         columns, rows = np.array(pad.column_edges), np.array(pad.row_edges)
-        bounds = np.array([[x_low, x_high], [y_low, y_high]])
+        bounds = np.array(pad.load_bounds, float).reshape(2, 2)
         pitch = np.array([pad.pitch_x, pad.pitch_y], float)
         stiffness, sigma = layer.stiffness / _KPA, float(layer.psf_sigma)
         self._taxels = Taxels(columns, rows, bounds, pitch, sigma, stiffness)
@@ -103,10 +102,11 @@ class PadReader:
     def read(self, data: mujoco.MjData) -> PadReading:
         """Read the pad in the state whose contacts `data` holds: after mj_step, or mj_forward.
 
-        Raises InputError if the data are not of a model as the one that the pad is bound to.
+        Raises InputError if the data are not of a model as the one that the pad is bound to, or if a geom touches the
+        pad that could not when it was bound.
         """
         if not isinstance(data, mujoco.MjData) or data.signature != self.model.signature:
-            got = "those of another" if isinstance(data, mujoco.MjData) else short(type(data).__name__)
+            got = "those of another" if isinstance(data, mujoco.MjData) else short(type(data))
             raise InputError(f"a pad reads the MjData of the model that it is bound to, got {got}")
         if self.model.opt.enableflags & _SLEEP:
             data = self._without_sleep(data)
@@ -119,6 +119,12 @@ class PadReader:
             for row, number in enumerate(index.tolist()):
                 mujoco.mj_contactForce(self.model, data, number, forces[row])
             geoms = contact.geom[index]
+            new = (self._places[geoms] < 0) & (self._body_of[geoms] != self._body_of[self.geom])
+            if new.any():
+                raise InputError(
+                    f"geom {self.model.geom(geoms[new][0]).name!r} (number {geoms[new][0]}) touches the pad's geom, "
+                    "and could not when the pad was bound: bind anew after a change of what can touch what"
+                )
             given = contact.frame[index], contact.pos[index], contact.dist[index]
             contacts = Contacts(forces, geoms, *given, self._body_of, self._places)
             for body in set(self._body_of[geoms].ravel().tolist()) - {self._body_of[self.geom]}:
@@ -180,11 +186,16 @@ class PadReader:
 
 def touchable(model: mujoco.MjModel, geoms: Sequence[int]) -> NDArray[np.bool_]:
     """Tell which geoms (ngeom,) can touch any of `geoms`, by MuJoCo's rules for types, exclusions and pairs."""
-    own, listed = model.geom_bodyid[geoms[0]], list(geoms)
+    own, listed, welded = model.geom_bodyid[geoms[0]], list(geoms), model.body_weldid
     kinds, others = np.bitwise_or.reduce([model.geom_contype[listed], model.geom_conaffinity[listed]], axis=1)
     felt = (model.geom_contype & others | model.geom_conaffinity & kinds) != 0
     first, second = model.exclude_signature >> 16, model.exclude_signature & 0xFFFF
     felt &= ~np.isin(model.geom_bodyid, [*first[second == own], *second[first == own]])
+    # A parent and its child do not touch, unless the parent is the world.
+    if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT) and welded[own]:
+        parents = welded[model.body_parentid[welded]]
+        kin = (parents == welded[own]) | (welded == parents[own])
+        felt &= ~(kin & (welded > 0))[model.geom_bodyid]
     felt[model.pair_geom2[np.isin(model.pair_geom1, listed)]] = True
     felt[model.pair_geom1[np.isin(model.pair_geom2, listed)]] = True
-    return felt & (model.body_weldid[model.geom_bodyid] != model.body_weldid[own])
+    return felt & (welded[model.geom_bodyid] != welded[own])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, Pose, ball_around, body_of, measure
+from tactsim.press.geom_gap import Body, Pose, body_of, measure
 from tactsim.press.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes
 
 _MM = 1e3  # mm in a metre
@@ -25,6 +25,7 @@ _STEP = 0.02  # mm between the latter's points, at least
 _JUMP = 1e-3  # mm of height from point to point, beyond the slope's, which is a step between geoms
 _STEEPEST = 3.0  # mm of height for a mm along the pad; what is steeper carries no pad
 _NO_WIDTH = 1e-6 * np.eye(3)[:2]  # mm along x and y, of a cell that no wall cuts
+_EVERYWHERE = np.array([0.0, 0.0, 0.0, np.inf])  # no face of a geom is too far to be looked at
 _UP, _DOWN = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, -1.0]])
 
 
@@ -87,17 +88,19 @@ def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> t
     """
     at_x, at_y = (each.ravel() for each in np.meshgrid(x, y))
     top, lowest = np.full(at_x.size, -np.inf), np.inf
-    gap, share, shift = np.empty(at_x.size), np.empty(at_x.size), np.empty((2, at_x.size))
-    for geom in range(len(body.kind)):
-        ends = []
+    for geom, (x_there, y_there, _) in enumerate(pose.positions):
+        ends: list[FloatArray] = []
+        (met,) = np.nonzero(np.hypot(at_x - x_there, at_y - y_there) <= body.radii[geom])
         for side, way in ((far, _DOWN), (-far, _UP)):
-            points = np.stack([at_x, at_y, np.full(at_x.size, side)], 1)
+            points = np.stack([at_x[met], at_y[met], np.full(met.size, side)], 1)
+            gap, share, shift = np.empty(met.size), np.empty(met.size), np.empty((2, met.size))
             lines = Lines(points, way, _NO_WIDTH[:1], _NO_WIDTH[1:], np.ones(1))
-            measure(body, geom, pose, lines, ball_around(points), gap, share, shift)
-            ends.append(side + way[0, 2] * np.where(share > 0.5, gap, np.inf))
-        met = np.isfinite(ends[0]) & np.isfinite(ends[1]) & (ends[0] > ends[1])
-        top = np.where(met, np.maximum(top, ends[0]), top)
-        lowest = min(lowest, ends[1][met].min(initial=np.inf))
+            measure(body, geom, pose, lines, _EVERYWHERE, gap, share, shift)
+            there = np.isfinite(gap) & (share > 0.5)
+            met, ends = met[there], [end[there] for end in (*ends, side + way[0, 2] * gap)]
+        there = ends[0] > ends[1]
+        top[met[there]] = np.maximum(top[met], ends[0])[there]
+        lowest = min(lowest, ends[1][there].min(initial=np.inf))
     return top.reshape(len(y), len(x)), float(top.max() - lowest)
 
 

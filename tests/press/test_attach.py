@@ -268,6 +268,25 @@ def test_a_curved_pad_tends_to_the_flat_one_as_its_radius_grows(kind):
         assert errors(reading.kpa, image(pad, pressure))[1] < 0.01
 
 
+@pytest.mark.parametrize("lean", [0.0, 0.3])
+def test_the_rim_of_a_can_on_a_round_finger_is_felt_as_that_of_a_fine_prism(lean):
+    """Some of the pad's normals run along the can, within 78 degrees of its side, and others do not."""
+    around = np.linspace(0, 2 * np.pi, 128, endpoint=False)
+    places = [[4 * np.cos(angle), 4 * np.sin(angle), end] for end in (-6, 6) for angle in around]
+    mesh = " ".join(str(round(value / 1e3, 9)) for value in np.ravel(places))
+    readings = []
+    for can in ('type="cylinder" size=".004 .006"', 'type="mesh" mesh="prism"'):
+        world = f"""<compiler angle="radian"/><asset><mesh name="prism" vertex="{mesh}"/></asset><worldbody>
+            <geom name="finger" type="sphere" size=".012"/>
+            <body pos=".0055 0 .0185" euler="0 {lean} 0"><joint type="slide" axis="{-np.sin(lean)} 0 {np.cos(lean)}"/>
+              <geom {can} mass=".2"/></body></worldbody>"""
+        readings.append(simulate(world, pad=TIGHT, steps=500, psf_sigma=1.0)[2])
+    can, prism = readings
+    assert can.force > 1
+    assert can.outside < 0.01 * can.force
+    assert errors(can.kpa, prism.kpa)[1] < 0.02
+
+
 @pytest.mark.parametrize(("kind", "stiffness"), [("sphere", 20_000.0), ("capsule", 200.0)])
 def test_a_round_finger_on_a_plane_is_the_closed_form(kind, stiffness):
     """Of a ball with a soft skin: depth along its normals is (R - h) over their cosine, less R (1 / cosine - 1).
@@ -441,9 +460,13 @@ def test_a_model_without_the_geom_is_one_line():
     attached = tactsim.press.attach(spec, "box")
     with pytest.raises(InputError, match="the model has no geom 'box': compile it from the spec"):
         attached.bind(mujoco.MjSpec().compile())
-    with pytest.raises(InputError, match=r"a pad is bound to a compiled mujoco\.MjModel, got 'MjSpec'"):
+    with pytest.raises(
+        InputError, match=r"a pad is bound to a compiled mujoco\.MjModel, got <class 'mujoco\._specs"
+    ):
         attached.bind(spec)
-    with pytest.raises(InputError, match=r"a pad is attached to a mujoco\.MjSpec or an MjModel, got 'str'"):
+    with pytest.raises(
+        InputError, match=r"a pad is attached to a mujoco\.MjSpec or an MjModel, got <class 'str'>"
+    ):
         tactsim.press.attach("hand.xml", "box")
     with pytest.raises(InputError, match="unknown geom or body 'bix': did you mean 'box'"):
         tactsim.press.attach(spec.compile(), "bix")
@@ -452,11 +475,59 @@ def test_a_model_without_the_geom_is_one_line():
     with pytest.raises(InputError, match="among the pads is 'box'; give a list of what `attach` returned"):
         tactsim.press.bind(spec.compile(), ["box"])
     reader = attached.bind(model := spec.compile())
-    for data, got in ((mujoco.MjData(mujoco.MjSpec().compile()), "those of another"), (model, "'MjModel'")):
+    for data, got in (
+        (mujoco.MjData(mujoco.MjSpec().compile()), "those of another"),
+        (model, "<class 'mujoco"),
+    ):
         with pytest.raises(
             InputError, match=f"a pad reads the MjData of the model that it is bound to, got {got}"
         ):
             reader.read(data)
+
+
+def test_a_mesh_on_a_body_that_a_urdfs_compiler_fuses_is_one_line():
+    """Its normal would be taken in the frame of the body that it is fused with: the pad lay on another side."""
+    spec = mujoco.MjSpec.from_string("""<robot name="r"><link name="arm"/>
+        <joint name="j" type="revolute"><parent link="arm"/><child link="finger"/><limit lower="0" upper="1"/></joint>
+        <link name="finger"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+          </inertial></link>
+        <joint name="k" type="fixed"><parent link="finger"/><child link="tip"/><origin rpy="1.5707963 0 0"/></joint>
+        <link name="tip"><collision><geometry><box size=".02 .02 .01"/></geometry></collision>
+          <collision><geometry><box size=".02 .02 .012"/></geometry></collision></link></robot>""")
+    with pytest.raises(
+        InputError, match=r"body 'tip' has no joint and is fused .* spec.compiler.fusestatic = F"
+    ):
+        tactsim.press.attach(spec, "tip")
+    spec.compiler.fusestatic = False
+    reader = tactsim.press.attach(spec, "tip", Pad(rows=2, columns=2)).bind(model := spec.compile())
+    mujoco.mj_forward(model, data := mujoco.MjData(model))
+    np.testing.assert_allclose(reader.frame(data)[0][:, 2], [0, -1, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("pair", [True, False])
+def test_a_child_is_touched_by_those_geoms_of_its_parent_that_a_pair_names(pair):
+    """MuJoCo lets nothing else of a parent touch its child; one that it lets do so later asks for a new `bind`."""
+    contact = '<contact><pair geom1="tip" geom2="pin"/></contact>' if pair else ""
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><worldbody><body>
+        <joint type="slide" axis="1 0 0"/><geom name="pin" type="box" size=".003 .003 .005" mass="1"/>
+        <geom type="box" size=".002 .002 .007" pos=".006 0 0" mass="1"/>
+        <body name="link" pos="0 0 .0099"><joint type="slide" axis="0 0 1"/>
+          <geom name="tip" type="box" size=".02 .02 .005" mass="1"/></body></body></worldbody>{contact}</mujoco>""")
+    reader = tactsim.press.attach(spec, "tip", TIGHT, normal=(0, 0, -1)).bind(model := spec.compile())
+    data = mujoco.MjData(model)
+    if not pair:
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+    if pair:
+        reading = reader.read(data)
+        assert reading.force == pytest.approx(GRAVITY, rel=1e-3)
+        assert errors(reading.kpa, image(TIGHT, block(reading.force, 3, 3)))[1] < 0.003
+        return
+    with pytest.raises(
+        InputError, match="touches the pad's geom, and could not when the pad was bound: bind anew"
+    ):
+        reader.read(data)
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,22 @@ def test_a_mesh_that_is_a_box_carries_a_pad_as_the_box_does():
     assert errors(mesh.kpa, plain.kpa)[1] < 0.005
 
 
+def test_a_pad_on_the_tip_of_a_long_mesh_ends_where_its_sides_begin():
+    """A pencil whose tip falls by 2.5 mm for each mm: no slope of the tip goes on beyond its sides."""
+    around, down = np.linspace(0, 2 * np.pi, 32, endpoint=False), np.linspace(0, 1, 10)
+    rings = [(0.1, 0.0), *zip(5 + 0.5 * np.sqrt(down), -12.5 - 86 * down, strict=True)]
+    places = np.array([[r * np.cos(at), r * np.sin(at), z] for r, z in rings for at in around]) / 1e3
+    spec = mujoco.MjSpec.from_string(
+        f'<mujoco><asset>{mesh_of(places)}</asset><worldbody><geom type="mesh" mesh="tip"/></worldbody></mujoco>'
+    )
+    pad = Pad(
+        rows=2, columns=2, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
+    )
+    skin = tactsim.press.attach(spec, spec.geoms[0], pad)
+    face = skin.bind(spec.compile()).surface.face
+    np.testing.assert_allclose([*face.low, *face.high], [-5, -5, 5, 5], atol=0.05)
+
+
 @pytest.mark.long
 def test_a_fine_mesh_of_an_ellipsoid_carries_a_pad_as_the_ellipsoid_does():
     """The mesh is of the upper part alone, as fine as 60 rings of 120 corners over the whole."""
