@@ -86,6 +86,7 @@ class PadReader:
         self._felt_geoms = [np.flatnonzero(felt & (self._body_of == body)) for body in range(model.nbody)]
         for listed in self._felt_geoms:
             self._places[listed] = np.arange(len(listed))
+        self._unknown = (self._places < 0) & (self._body_of != self._body_of[self.geom])
         # How each joint moves bodies on the pad; what the press alone centres is held.
         self._moves = np.zeros((model.nbody, model.nv))
         for body in range(1, model.nbody) if layer.centre == "auto" else ():
@@ -119,10 +120,9 @@ class PadReader:
             for row, number in enumerate(index.tolist()):
                 mujoco.mj_contactForce(self.model, data, number, forces[row])
             geoms = contact.geom[index]
-            new = (self._places[geoms] < 0) & (self._body_of[geoms] != self._body_of[self.geom])
-            if new.any():
+            if len(new := geoms[self._unknown[geoms]]):
                 raise InputError(
-                    f"geom {self.model.geom(geoms[new][0]).name!r} (number {geoms[new][0]}) touches the pad's geom, "
+                    f"geom {self.model.geom(new[0]).name!r} (number {new[0]}) touches the pad's geom, "
                     "and could not when the pad was bound: bind anew after a change of what can touch what"
                 )
             given = contact.frame[index], contact.pos[index], contact.dist[index]
