@@ -415,7 +415,9 @@ class Run:
 
 
 SCHEMA = 3
-BADLY_EXPLAINED = "explained worse than the training's: lighter presses, another pad, an unknown object?"
+BADLY_EXPLAINED = (
+    "explained worse than the training's: other places, lighter presses, another pad, an unknown object?"
+)
 _OFTEN = 0.25  # a share of the readings that neither chance nor a rough world reaches
 SHAPES = "shapes"  # a run's folder of the files of the user's own shapes
 _LARGEST_TABLE = 1 << 30  # bytes

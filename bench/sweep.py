@@ -233,8 +233,8 @@ def _local(jobs: int) -> Pool:
 def dask_pool(address: str) -> Pool:
     """Make a pool of the workers of a Dask cluster at tcp://HOST:PORT.
 
-    If a worker dies, its trials are sent to another. Entering the pool raises InputError if dask is not
-    installed or no scheduler answers. Raises InputError for what is no such address.
+    If a worker dies, its trials are sent to another. Raises InputError for what is no such address, if dask is not
+    installed, and if no scheduler answers.
     """
     if re.fullmatch(r"(\w+://)?[^/]+:\d+", address) is None:
         raise InputError(f"--dask {address}: give the scheduler's address, such as tcp://localhost:8786")
@@ -256,7 +256,8 @@ def dask_pool(address: str) -> Pool:
                 executor.shutdown(wait=False)  # cancels what is not done
                 raise
 
-    return enter
+    with enter():  # or it would be refused only when everything is pressed
+        return enter
 
 
 def _trials_of_runs(

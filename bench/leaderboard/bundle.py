@@ -305,9 +305,11 @@ def _read(content: io.BytesIO) -> Bundle:
         said = parse_json(str(read_npz(content, ["meta"])["meta"]), "meta")
     except InputError as error:
         raise InputError(f"it is no bundle, which `bench submit` makes, or not whole: {error}") from error
-    if said.get("schema") != SCHEMA:
+    if "schema" not in said:
+        raise InputError("it is no bundle, which `bench submit` makes")
+    if said["schema"] != SCHEMA:
         raise InputError(
-            f"schema {short(said.get('schema'))}; this version of tactsim reads schema 1 and {SCHEMA}"
+            f"schema {short(said['schema'])}; this version of tactsim reads schema 1 and {SCHEMA}"
         )
     meta = checked(_Meta, said, "meta")
     head = {name: said[name] for name in _Head.model_fields}

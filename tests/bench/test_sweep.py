@@ -243,7 +243,16 @@ def test_each_thread_of_a_dask_worker_has_an_estimator_of_its_own(monkeypatch, t
         sweep.perform(sweep.expand({"run": [run]}, "s"), tmp_path / "out", jobs=1, pool=pool, progress=silent)
 
 
-@pytest.mark.parametrize("address", ["localhost", "tcp://:x"])
-def test_what_is_no_address_of_a_scheduler_is_refused_before_the_press(here, own_cache, address):
-    refused(here("sweep", "quick", "--dask", address), f"--dask {address}:", "such as tcp://localhost:8786")
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("localhost", "such as tcp://localhost:8786"),
+        ("tcp://:x", "such as tcp://localhost:8786"),
+        ("tcp://localhost:1", "no scheduler answers there"),
+    ],
+)
+def test_what_is_no_scheduler_is_refused_before_the_press(here, own_cache, monkeypatch, address, says):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(sweep, "SCHEDULER_ANSWERS_IN", 0.1)
+    refused(here("sweep", "quick", "--dask", address), f"--dask {address}:", says)
     assert not list(own_cache.iterdir())

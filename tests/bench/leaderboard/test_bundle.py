@@ -146,6 +146,7 @@ def array(name, change):
 
 
 DAMAGES = {
+    "no schema": (lambda content: content["meta"].pop("schema"), "it is no bundle, which `bench submit` makes"),
     "schema": (meta(schema=3), "schema 3; this version of tactsim reads schema 1 and 2"),
     "no run": (lambda content: content["meta"]["runs"].pop(), "its runs have 3 trials, and there are 6"),
     "a run without objects": (
