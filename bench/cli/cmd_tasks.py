@@ -8,6 +8,7 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import dotted
+from tactsim.core.errors import InputError, counted
 
 if TYPE_CHECKING:
     from tactsim.bench.leaderboard.best_known import Best
@@ -34,7 +35,6 @@ def command(
     from tactsim.bench import tasks
     from tactsim.bench.leaderboard.best_known import best_known
     from tactsim.bench.results import to_json
-    from tactsim.core.errors import InputError
 
     if name is None and hash_data:
         raise InputError("--hash: name the task, as in `bench tasks letters-v1 --hash`")
@@ -88,8 +88,9 @@ def _print_list(found: list[Task], best: dict[str, Best]) -> None:
 
 
 def _size(one: Task) -> str:
-    letters = f"{len(one.letters)} letters, " if one.letters else ""
-    return f"{letters}{one.trials} trials each, {one.readings} readings, {len(one.seeds)} seeds"
+    letters = f"{counted(len(one.letters), 'letter')}, " if one.letters else ""
+    readings, seeds = counted(one.readings, "reading"), counted(len(one.seeds), "seed")
+    return f"{letters}{counted(one.trials, 'trial')} each, {readings}, {seeds}"
 
 
 def _best(best: Best | None) -> str:
