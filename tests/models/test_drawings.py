@@ -249,7 +249,7 @@ def icons():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("text", "page"), icons())
+@pytest.mark.parametrize(("text", "page"), list(icons()))
 def test_icons_are_what_resvg_fills(text, page):
     assert difference(text, page) < 0.005
 
