@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
+from tactsim.estimators.estimator import (
+    Estimate,
+    Estimator,
+    Options,
+    check_order,
+    check_reading,
+    probabilities,
+)
 
 
 class BatchEstimator(Estimator):
@@ -78,5 +85,5 @@ class BatchEstimator(Estimator):
 
     def _estimate(self, p: FloatArray, robot_in_object: FloatArray) -> Estimate:
         p = np.asarray(p, dtype=float)
-        named = dict(zip(self.labels, (p / p.sum()).tolist(), strict=True))
-        return Estimate(self.labels[int(p.argmax())], named, np.array(robot_in_object, dtype=float))
+        place = np.array(robot_in_object, dtype=float)
+        return Estimate(self.labels[int(p.argmax())], probabilities(self.labels, p), place)

@@ -65,6 +65,11 @@ class Estimate:
         )
 
 
+def probabilities(labels: Sequence[str], mass: FloatArray) -> dict[str, float]:
+    """Name what each letter holds (letters,), so that it sums to 1."""
+    return dict(zip(labels, (mass / mass.sum()).tolist(), strict=True))
+
+
 @dataclass(frozen=True, eq=False)
 class PlaneBelief:
     """p(letter, x, y) of T_R^O after the readings so far, the angle summed out, in equal cells.

@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.map_filter import GridFilter
-from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
+from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.options import FilterOptions
 
 if TYPE_CHECKING:

@@ -10,17 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, PoseSamples
+from tactsim.estimators.estimator import Estimate, PoseSamples, probabilities
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import (
-    WeightedStates,
-    Weights,
-    letter_mass,
-    pose_samples,
-    probabilities,
-)
+from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.map_filter import MapFilter

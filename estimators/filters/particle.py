@@ -13,20 +13,13 @@ from pydantic import Field, model_validator
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples, probabilities
 from tactsim.estimators.filters.kld import OccupiedBins, enough
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.particle_kernels import draw, move
 from tactsim.estimators.filters.parzen import parzen_mode
-from tactsim.estimators.filters.states import (
-    WeightedStates,
-    Weights,
-    letter_mass,
-    probabilities,
-    shared,
-    uniform_states,
-)
+from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, shared, uniform_states
 from tactsim.estimators.options import FilterOptions
 
 

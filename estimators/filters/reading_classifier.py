@@ -9,8 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Estimator, Options, check_order, check_reading
-from tactsim.estimators.filters.states import probabilities
+from tactsim.estimators.estimator import (
+    Estimate,
+    Estimator,
+    Options,
+    check_order,
+    check_reading,
+    probabilities,
+)
 
 
 class ReadingClassifier(Estimator):

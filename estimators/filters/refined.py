@@ -12,7 +12,7 @@ from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options, PlaneBelief
+from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import (
     Cells,
@@ -28,13 +28,7 @@ from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import (
-    WeightedStates,
-    Weights,
-    letter_mass,
-    pose_samples,
-    probabilities,
-)
+from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust
 from tactsim.estimators.filters.trust_learning import learn_trust
 from tactsim.estimators.options import MODELS, OpenSetOptions

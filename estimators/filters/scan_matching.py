@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options
+from tactsim.estimators.estimator import Estimate, Options, probabilities
 from tactsim.estimators.field.kernels import Sampled, replay
 from tactsim.estimators.field.tables import Tables
 from tactsim.estimators.filters.map_filter import GridFilter
-from tactsim.estimators.filters.states import WeightedStates, Weights, probabilities
+from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.options import MODELS, FilterOptions
 
 # mm, about the side of the largest blocks, whose bounds are kept for all readings.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -138,11 +137,6 @@ def shared(mass: FloatArray, alike: NDArray[np.int64]) -> FloatArray:
 def uniform_states(count: int, reach: float, rng: np.random.Generator) -> FloatArray:
     """Draw T_R^O (3, count) uniformly: x and y in [-reach, reach] mm, any angle."""
     return rng.uniform(-1, 1, (3, count)) * [[reach], [reach], [np.pi]]
-
-
-def probabilities(labels: Sequence[str], mass: FloatArray) -> dict[str, float]:
-    """Name what each letter holds (letters,), so that it sums to 1."""
-    return dict(zip(labels, (mass / mass.sum()).tolist(), strict=True))
 
 
 def plane_histogram(labels: tuple[str, ...], belief: WeightedStates, reach: float) -> PlaneBelief:

@@ -20,6 +20,7 @@ from tactsim.estimators.estimator import (
     PoseSamples,
     check_order,
     check_reading,
+    probabilities,
 )
 from tactsim.estimators.filters.expansion import expand, pressed
 from tactsim.estimators.filters.modes import GYRATION, Modes
@@ -294,9 +295,7 @@ class Synthesis(Estimator):
             state = mean_around(states, weights.relative, int(mine.log_weight.argmax()))
             samples = self._drawn(mine, weights)
         p = (1 - _LOST) * mass / mass.sum() + _LOST / count
-        return Estimate(
-            self.labels[best], dict(zip(self.labels, (p / p.sum()).tolist(), strict=True)), state, samples
-        )
+        return Estimate(self.labels[best], probabilities(self.labels, p), state, samples)
 
     def _drawn(self, modes: Modes, weights: Weights) -> PoseSamples:
         """Draw poses from the modes, evenly, the same every time."""

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from tactsim.core import wrap_angle
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.estimator import Estimate, Options
+from tactsim.estimators.estimator import Estimate, Options, probabilities
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import (
@@ -20,7 +20,6 @@ from tactsim.estimators.filters.states import (
     Weights,
     highest_power,
     pose_samples,
-    probabilities,
     uniform_states,
 )
 from tactsim.estimators.options import MODELS, OpenSetOptions
