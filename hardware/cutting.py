@@ -35,7 +35,7 @@ def cut(
     """
     presses = np.arange(len(scan)) if scan.presses is None else scan.presses
     scan = replace(scan, presses=presses, sequence=None, sequence_times=None, sequence_force=None)
-    grid = _grid(scan.taxel_xy)
+    grid = taxel_grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):
         raise InputError(
             f"a window of {rows}x{columns}, stride {stride}, cannot be cut from {grid.shape[0]}x{grid.shape[1]} "
@@ -96,7 +96,7 @@ def _places(down: int, along: int, stride: int) -> tuple[dict[str, list[tuple[in
     return {"train": train, "test": test if apart else train}, apart
 
 
-def _grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
+def taxel_grid(taxel_xy: FloatArray) -> NDArray[np.int64]:
     """Arrange taxels (n, 2) mm in rows (along +y) and columns (along +x): their numbers, -1 where one is missing."""
     (x, column), (y, row) = (_lines(taxel_xy[:, axis]) for axis in (0, 1))
     grid = np.full((y, x), -1, dtype=np.int64)

@@ -84,7 +84,7 @@ def align(
         )
     rise = np.clip(idle.rise(train.readings), 0, None)
     most, nothing = rise.max(axis=1), "are idle frames, which feel next to nothing: {}; leave them out"
-    refuse(train, most <= _IDLE * np.median(most), "training presses", nothing)
+    refuse_presses(train, most <= _IDLE * np.median(most), "training presses", nothing)
     for label in train.letters:
         if np.count_nonzero(train.labels == label) < 2:
             raise InputError(f"{label!r} has one training press; two or more can be laid over each other")
@@ -116,7 +116,7 @@ def align(
     return replace(scan, poses=poses, views=views_of, presses=presses, meta=meta), found
 
 
-def refuse(scan: Scan, wrong: NDArray[np.bool_], kind: str, what: str) -> None:
+def refuse_presses(scan: Scan, wrong: NDArray[np.bool_], kind: str, what: str) -> None:
     """Raise InputError if some presses (n,) are `wrong`, with the numbers of the first label's in place of `{}`."""
     for label in scan.letters:
         own = wrong[scan.labels == label]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.pad.alignment import check_labels_apart, refuse
+from tactsim.bench.pad.alignment import check_labels_apart, refuse_presses
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.idle import find_idle
@@ -144,9 +144,9 @@ def check_presses(recorded: Scan, predicted: FloatArray) -> None:
     size = np.linalg.norm(felt, axis=1) * np.linalg.norm(predicted, axis=1)
     lost = judged & ~idle & ((felt * predicted).sum(axis=1) < _FITS * size)
     nothing = "are idle frames, which feel next to nothing where the simulation touches: {}; leave them out"
-    refuse(recorded, idle, "presses", nothing)
+    refuse_presses(recorded, idle, "presses", nothing)
     nowhere = "fit nowhere on what is pressed at their poses: {}; are poses and labels right?"
-    refuse(recorded, lost, "presses", nowhere)
+    refuse_presses(recorded, lost, "presses", nowhere)
     check_labels_apart(recorded, judged)
 
 

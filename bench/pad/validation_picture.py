@@ -9,6 +9,7 @@ import numpy as np
 from tactsim.bench.pad.validation import Validation
 from tactsim.bench.runs.figures import BLUE, GREY, Picture
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.cutting import taxel_grid
 
 _MOST = 6  # labels of which a press is drawn
 
@@ -51,7 +52,5 @@ def presses_figure(result: Validation) -> Picture:
 
 def _on_pad(taxel_xy: FloatArray, values: FloatArray) -> FloatArray:
     """Lay taxels (n,) out as they lie on the pad, the first row below: (rows, columns), NaN where none is."""
-    (x, column), (y, row) = (np.unique(along.round(3), return_inverse=True) for along in taxel_xy.T)
-    picture = np.full((len(y), len(x)), np.nan)
-    picture[row, column] = values
-    return picture
+    numbers = taxel_grid(taxel_xy)
+    return np.where(numbers < 0, np.nan, values[numbers])
