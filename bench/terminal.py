@@ -202,19 +202,17 @@ def print_places(run: Run, folder: Path) -> None:
     console.print(f"results  {folder}", soft_wrap=True)
     for picture in picture_names(run):
         console.print(f"picture  {folder / picture}", soft_wrap=True)
-    standard, again, pressed = "space-refined", "the same data with", False
-    if not run.in_space:
-        config = RunConfig(**run.config)
-        standard, pressed = RunConfig.model_fields["estimator"].default, config.pressed
-        if config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA:
-            again = "bench run"
+    standard = "space-refined" if run.in_space else RunConfig.model_fields["estimator"].default
+    config = None if run.in_space else RunConfig(**run.config)
+    plain = config is not None and config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA
+    again = "bench run" if plain else "the same data with"
     nexts = [
         f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, which letters it mixes up, a trial"
     ]
     if run.estimator != standard:
         figure = _error_of_default() if paper.beside(run) else ""
         nexts.append(f"{again} --estimator {standard}  # the default{figure}")
-    elif pressed and run.config["explore"] == "random":
+    elif config is not None and config.pressed and config.explore == "random":
         nexts.append(
             f"{again} --explore information --readings 10  # it chooses the touches; --explore blind does not"
         )
