@@ -38,12 +38,13 @@ def command(
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press import scan_letters
 
+    check_new_file(out, suffix=".npz")
     if task is not None:
+        refuse_typed(context, ["sequence"], "is for letters in the plane; leave it out with --task solids")
         typed = {name: value for name, value in words.items() if is_typed(context, name)}
         _scan_solids(typed | {"task": task} | ({} if objects is None else {"objects": objects}), out)
         return
     refuse_typed(context, ["objects"], shared.OUTSIDE)
-    check_new_file(out, suffix=".npz")
     options = scan_options(**words)
     with progress_bars() as progress:
         scan, work = scan_letters(
@@ -75,12 +76,10 @@ def command(
 
 def _scan_solids(words: Words, out: Path) -> None:
     from tactsim.bench.console import plain_console
-    from tactsim.bench.places import check_new_file
     from tactsim.bench.space.space_config import scan_words
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press.space import scan_solids
 
-    check_new_file(out, suffix=".npz")
     options = scan_words(**words).scan_options
     with progress_bars() as progress:
         scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))

@@ -36,7 +36,7 @@ SMALLEST_PART = 1e-8
 # Cells of all presses that are clipped at a time, so that their moments stay in the processor's cache.
 _BLOCK = 1 << 17
 SMALLEST_CONTACT = 1e-9  # mm^2; what touches less than this does not touch
-ROUNDING_LEVELS = 16  # levels of a rounded edge; more of them change no taxel by 0.1 % of the largest
+ROUNDING_LEVELS = 16  # levels of a rounded edge; more change none by 0.3 % of the largest, up to 1 mm
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The sensor's imperfections: gain, response, hysteresis, lag, ghosting, drift, noise, broken taxels, saturation."""
+"""The sensor's imperfections: hysteresis, gain, response, lag, ghosting, drift, noise, broken taxels, saturation."""
 
 from __future__ import annotations
 

@@ -123,6 +123,7 @@ def test_a_mistake_is_one_line_that_says_what_would_be_right(here, words, says):
     [
         (["run", "--estimator", "alike"], "--task solids"),
         (["scan", "--objects", "nut", "--out", "x.npz"], "--task solids"),
+        (["scan", "--task", "solids", "--sequence", "--out", "x.npz"], "--sequence is for letters"),
         (["scan", "--task", "solid", "--out", "x.npz"], "solids"),
     ],
 )
