@@ -94,7 +94,8 @@ def properties(scan: Scan) -> dict[str, Properties]:
     """
     known = stated_properties(scan)
     if len(known) < len(scan.letters):
-        scan = replace(scan, readings=find_idle(scan.where("train").readings).rise(scan.readings))
+        train = scan.where("train")
+        scan = replace(scan, readings=find_idle(train.readings, train.presses).rise(scan.readings))
     found = {
         label: known.get(label) or _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters

@@ -200,7 +200,8 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
 
     Raises InputError if the poses are too far apart for a map.
     """
-    idle = find_idle(scan.where("train").readings)
+    train = scan.where("train")
+    idle = find_idle(train.readings, train.presses)
     fitted = _fit_above(replace(scan, readings=idle.rise(scan.readings)), options)
     return replace(fitted, units=replace(fitted.units, idle=idle))
 

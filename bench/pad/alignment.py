@@ -76,7 +76,7 @@ def align(
             if known
             else "nobody noted the poses of these presses: leave out --poses unknown (in Python withheld)"
         )
-    idle, least = find_idle(train.readings), np.abs(train.readings).min(axis=0)
+    idle, least = find_idle(train.readings, train.presses), np.abs(train.readings).min(axis=0)
     if not idle.known.any() and np.median(least) > _IDLE * np.ptp(train.readings):
         raise InputError(
             f"what taxels read at rest is not 0, and {len(train)} training presses are too few to find it; import or "

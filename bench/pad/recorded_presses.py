@@ -130,7 +130,7 @@ def check_presses(recorded: Scan, predicted: FloatArray) -> None:
     resembles nothing of what it presses there, and a press that two labels have in common. Presses that only graze an
     object are not judged.
     """
-    felt = np.clip(find_idle(recorded.readings).rise(recorded.readings), 0, None)
+    felt = np.clip(find_idle(recorded.readings, recorded.presses).rise(recorded.readings), 0, None)
     predicted = np.nan_to_num(predicted)
     touch, most = predicted.max(axis=1), felt.max(axis=1)
     rest = recorded.readings[untouched(predicted) & (touch > 0)[:, None]]

@@ -52,7 +52,7 @@ class Spectrum(ReadingClassifier):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels, self.taxels = train.letters, train.readings.shape[1]
-        self._idle = find_idle(train.readings)
+        self._idle = find_idle(train.readings, train.presses)
         self._waves = _waves(train.taxel_xy)
         self._floor = _FLOOR * float(np.abs(self._idle.rise(train.readings)).sum(axis=1).mean()) or 1.0
         features = self._features(train.readings)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tactsim.core.scan import Scan
 
 _FEWEST = 50  # presses
+_FAILED = 3  # presses with one and the same reading
 _TAILS = (0.01, 0.99)  # quantiles between which a taxel's range lies
 _SHARED = 0.1  # the least share of a taxel's readings at its idle level
 _EQUAL = 1e-9  # of a taxel's range: distances that differ by less are equal, whatever rounding made of them
@@ -36,7 +37,7 @@ _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of
 class Idle:
     """What idle taxels read. level: (taxels,) in the readings' unit. sign: (taxels,) 1, or -1 where readings fall
     under load. known: (taxels,) whether the level could be told. typical: the median rise of loaded taxels.
-    repeated: how many readings came again to the digit, and had no say.
+    repeated: how many readings came again to the digit in other presses, and had no say.
     """
 
     level: FloatArray
@@ -80,17 +81,23 @@ class Idle:
         return f"idle level {middle:.4g} ({low:.4g} to {high:.4g}), and under load it {which}{doubt}"
 
 
-def find_idle(readings: ArrayLike) -> Idle:
+def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:
     """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
+
+    presses: (n,) whole numbers, the same for readings of one press, as `Scan` has them; None: each is one of its own.
 
     Readings times a constant, plus an offset a taxel, or turned round give the same rise. A taxel that is not idle in a
     tenth of the presses has the sign of most others; so has one that rests or saturates at an end with the fewer of its
-    readings, and where most do, more load reads more. Readings that come again to the digit are of failed frames, or of
-    an untouched pad, and are left out. Of fewer than fifty presses nothing is told: taxels rest at 0.
+    readings, and where most do, more load reads more. Readings to the digit of three presses or more are of failed
+    frames, or of an untouched pad, and are left out; two may be one that was kept twice. Of fewer than fifty presses
+    nothing is told: taxels rest at 0.
     """
     every = np.asarray(readings, dtype=float)
-    rows, times = np.unique(every, axis=0, return_counts=True)
-    values = rows[times == 1] if (times == 1).sum() >= _FEWEST else every
+    _, same = np.unique(every, axis=0, return_inverse=True)
+    of_press = np.arange(len(every)) if presses is None else presses
+    times = np.bincount(np.unique(np.column_stack([same.ravel(), of_press]), axis=0)[:, 0])
+    own = (times < _FAILED)[same.ravel()]
+    values = every[own] if own.sum() >= _FEWEST else every
     taxels = values.shape[1]
     if len(values) < _FEWEST:
         return Idle(np.zeros(taxels), np.ones(taxels), np.zeros(taxels, dtype=bool), 1.0)
@@ -170,7 +177,8 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         return scan, "readings are taken as they are"
     elif zero == "auto":
         train = scan.where("train")
-        idle = find_idle((train if len(train) else scan).readings)
+        found_in = train if len(train) else scan
+        idle = find_idle(found_in.readings, found_in.presses)
         if not idle.known.any():
             sessions = scan.meta.get("recordings", [])
             if sessions and all(one.get("calibrated") and all(one["calibrated"]) for one in sessions):

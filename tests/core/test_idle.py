@@ -1,5 +1,7 @@
 """The idle level and the sign of each taxel, found from the readings of presses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -68,6 +70,15 @@ def test_frames_that_failed_have_no_say(share, failed, sign):
     assert idle.off_zero
     assert f"; {bad.sum()} readings that come again to the digit" in idle.describe()
     assert "again" not in alone.describe()
+
+
+def test_moments_of_a_press_that_are_one_frame_and_a_press_that_was_kept_twice_have_a_say():
+    readings = pressed(presses=150) + np.random.default_rng(1).integers(300, 500, TAXELS)
+    readings[1] = readings[0]
+    press = np.repeat(np.arange(150), np.where(np.arange(150) < 75, 3, 1))
+    taken, said = settled(replace(scan_of(readings[press]), presses=press))
+    assert "again" not in said
+    assert np.array_equal(taken.readings, find_idle(readings[press], press).rise(readings[press]))
 
 
 def test_dead_taxels_have_no_say():
