@@ -81,6 +81,7 @@ def command(
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
+    from tactsim.core.errors import InputError
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
@@ -91,17 +92,16 @@ def command(
     made = create(estimator, **key_values(settings or (), "--set"))
     if explore == "information" and not made.proposes:
         raise proposes_none(estimator)
+    if made.takes_sequences:
+        raise InputError("a touch is one image here, and moments are of sequences: leave out moments")
     ask = made.proposes and explore != "random"
     console = plain_console(stderr=as_json)
     opened, plan = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
     # A pad speaks while the estimator learns.
     with opened as source, PadReader(source, described, " ".join(port)) as reader:
         with progress_bars() as progress:
-            train = on_taxels(
-                _training(train_scan, described, shapes or (), progress),
-                source.taxel_xy,
-                str(train_scan or "the simulation"),
-            )
+            train = _training(train_scan, described, shapes or (), progress)
+            train = on_taxels(train, source.taxel_xy, str(train_scan or "the simulation"))
             progress("map", 0, 1)
             recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if ask else None)
             progress("map", 1, 1)

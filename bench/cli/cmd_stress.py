@@ -43,6 +43,7 @@ def command(
 def _print(outcomes: Sequence[Outcome]) -> None:
     """Print the table, then for every failed case where it failed and why its limit is what it is."""
     from tactsim.bench.console import plain_console, plain_table
+    from tactsim.core.errors import counted
 
     console = plain_console()
     table = plain_table("case", "varied", "deviation", "worst", "limit", "verdict", words=3)
@@ -55,4 +56,4 @@ def _print(outcomes: Sequence[Outcome]) -> None:
     for outcome in failed:
         console.print(f"{outcome.case.name}: {outcome.at}; the limit: {outcome.case.because}")
     seconds = sum(outcome.seconds for outcome in outcomes)
-    console.print(f"{len(outcomes)} cases in {seconds:.0f} s, {len(failed) or 'none'} failed")
+    console.print(f"{counted(len(outcomes), 'case')} in {seconds:.0f} s, {len(failed) or 'none'} failed")
