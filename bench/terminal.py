@@ -207,7 +207,7 @@ def print_places(run: Run, folder: Path) -> None:
     plain = config is not None and config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA
     again = "bench run" if plain else "the same data with"
     nexts = [
-        f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, which letters it mixes up, a trial"
+        f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, what it mixes up, a trial"
     ]
     if run.estimator != standard:
         figure = _error_of_default() if paper.beside(run) else ""

@@ -85,12 +85,11 @@ class SpaceConfig(SpaceWords):
     @cached_property
     def scan_options(self) -> SpaceOptions:
         """Resolve the options of the scan, with the hand's kind of pad. Raises InputError for the first wrong value."""
-        options = super().scan_options
         if self.hand is None:
-            return options
+            return super().scan_options
         from tactsim.bench.space.touching import load_hand
 
-        return load_hand(self.hand).options(options)
+        return load_hand(self.hand).options(super().scan_options)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -117,7 +116,8 @@ class SpaceConfig(SpaceWords):
 
 def check_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> None:
     """Raise InputError for a word that means nothing for objects in space; it names the one to use in its place."""
-    instead = {"letters": "--objects", "readings": "--touches", "particles": "--set", "bins": "--set"}
+    instead = {"letters": "--objects", "readings": "--touches", "pad": "--scan-set pad=FILE"}
+    instead |= dict.fromkeys(("particles", "bins"), "--set")
     for name in given:
         if name not in model.model_fields:
             use = f"; use {instead[name]}" if name in instead else "; leave it out"

@@ -109,6 +109,7 @@ def test_a_hand_gives_two_readings_a_touch():
     ("words", "says"),
     [
         (["--letters", "AE"], "--objects"),
+        (["--pad", "pad.toml"], "use --scan-set pad=FILE"),
         (["--objects", "bolzen"], "bolt"),
         (["--touches", "0"], "touches"),
         (["--hand", "nothere.toml"], "nothere.toml"),
