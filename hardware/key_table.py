@@ -32,7 +32,7 @@ _TABLES: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = (
     ('`[codec]` with `kind = "pps-csv"`', (CsvFormat,)),
     ("`[[part]]`, one for each device that the pad is made of", (Part,)),
     ("`[pad]`", (Pad,)),
-    ("`[matrix]`, of a resistive matrix whose idle wires hang free", (Matrix,)),
+    ("`[matrix]`, of a resistive matrix without guards", (Matrix,)),
 )
 _KINDS = {
     int: "whole number",

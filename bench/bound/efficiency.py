@@ -29,13 +29,13 @@ def bounds_of_trials(
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
-    them (`bench bound` does), they were chosen by the estimator, or the object moved otherwise than by a random walk.
-    sequences: whether the estimator saw several images of each touch.
+    them (`bench bound` does), they were chosen or pressed on demand, or the object moved otherwise than by a random
+    walk. sequences: whether the estimator saw several images of each touch.
     """
     if sequences:
         return None, "a bound is of one image of each touch, and the estimator saw several"
     if explore != "random":
-        return None, "the estimator chose the readings"
+        return None, "touches pressed on demand" if explore == "blind" else "the estimator chose the readings"
     if slip.still and (trials.true_pose != trials.true_pose[:, :1]).any():
         return None, "the object moved"
     try:

@@ -148,6 +148,7 @@ def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(her
     assert "walk" in refused.stderr
     walk = tactsim.run(**words, world="slip")
     assert walk.bound_mm[-1] == pytest.approx(found["bound_mm"][-1])
-    drift = tactsim.run(**words, slip={"drift_mm": 0.1})
-    assert drift.bounds is None
-    assert "drift" in drift.about["no_bound"]
+    for changed, why in (({"slip": {"drift_mm": 0.1}}, "drift"), ({"explore": "blind"}, "on demand")):
+        run = tactsim.run(**words, **changed)
+        assert run.bounds is None
+        assert why in run.about["no_bound"]
