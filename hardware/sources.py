@@ -20,7 +20,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
     "port": ("tactsim.hardware.live:LiveSource", "a sensor on a serial port, a pty or a socket"),
     "recording": (
         "tactsim.hardware.recorded:open_source",
-        "a recording of this program, or of the PPS tool (.csv)",
+        "a recording of this program, a table of text, or lines that a terminal kept",
     ),
 }
 

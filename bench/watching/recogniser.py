@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -134,7 +134,7 @@ class Recogniser:
 
 
 def on_taxels(train: Scan, taxel_xy: FloatArray, name: str) -> Scan:
-    """Keep the training readings, on the taxels at `taxel_xy` (taxels, 2) mm and in their order.
+    """Keep the training readings, on the taxels at `taxel_xy` (taxels, 2) mm and in their order, without sequences.
 
     A scan without training readings gives all its readings. Raises InputError if the scan `name` lacks a taxel.
     """
@@ -150,11 +150,7 @@ def on_taxels(train: Scan, taxel_xy: FloatArray, name: str) -> Scan:
     order = apart.argmin(axis=1)
     if not len(half):
         raise InputError(f"{name} holds no readings")
-    return Scan(
-        half.readings[:, order],
-        half.poses,
-        half.labels,
-        np.full(len(half), "train"),
-        half.taxel_xy[order],
-        half.meta,
-    )
+    return replace(
+        half, readings=half.readings[:, order], split=np.full(len(half), "train"), taxel_xy=half.taxel_xy[order],
+        sequence=None, sequence_times=None, sequence_force=None,
+    )  # fmt: skip
