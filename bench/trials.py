@@ -235,24 +235,25 @@ class SpaceTrials(Trials):
     met: NDArray[np.int64]
 
 
-def draw_true_pose(rng: np.random.Generator, offsets: float = OFFSET) -> FloatArray:
-    """Draw robot_in_object: x, y uniform in [-offsets, offsets] mm, theta uniform on the circle (section IV)."""
-    x, y = rng.uniform(-offsets, offsets, size=2)
-    return np.array([x, y, rng.uniform(-np.pi, np.pi)])
-
-
-def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
-    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space.
+def draw_true_pose(
+    rng: np.random.Generator, offsets: float = OFFSET, *, poses_unknown: bool = False
+) -> FloatArray:
+    """Draw robot_in_object: x, y uniform in [-offsets, offsets] mm, theta uniform on the circle (section IV).
 
     Where poses are unknown the robot stands a hundred times as far away as else, in any direction: it knows how its
     touches lie to the first, and nothing of where that is on the object.
     """
-    if poses_unknown(scan):
-        x, y, angle = draw_true_pose(rng, offsets(scan.taxel_xy))
-        far, direction = _FAR * offsets(scan.taxel_xy), np.arctan2(y, x)
-        return np.array([far * np.cos(direction), far * np.sin(direction), angle])
+    x, y = rng.uniform(-offsets, offsets, size=2)
+    if poses_unknown:
+        direction = np.arctan2(y, x)
+        x, y = _FAR * offsets * np.cos(direction), _FAR * offsets * np.sin(direction)
+    return np.array([x, y, rng.uniform(-np.pi, np.pi)])
+
+
+def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
+    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
     if not scan.in_space:
-        return draw_true_pose(rng, offsets(scan.taxel_xy))
+        return draw_true_pose(rng, offsets(scan.taxel_xy), poses_unknown=poses_unknown(scan))
     from tactsim.bench.space.touching import draw_pose_in_space  # runs in the plane do without its room
 
     return draw_pose_in_space(rng)

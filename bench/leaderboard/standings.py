@@ -331,12 +331,14 @@ def _trials(bundle: Bundle) -> frozenset[TrialKey]:
     """Name the trials of a bundle whose objects lie where the seed puts them."""
     found = set()
     for run in bundle.runs:
-        options = run.about["scan"].get("options", {})
-        reach = offsets(Pad.model_validate(options.get("pad", {})).taxel_xy)
+        scan = run.about["scan"]
+        pad = scan.get("pad") or scan.get("options", {}).get("pad", {})  # of what was recorded, or pressed
+        reach, unknown = offsets(Pad.model_validate(pad).taxel_xy), scan.get("poses") == "unknown"
         for letter, number, pose in zip(
             run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
         ):
-            drawn = draw_true_pose(generator(run.seed, OneTrial(letter, number), 0), reach)
+            rng = generator(run.seed, OneTrial(letter, number), 0)
+            drawn = draw_true_pose(rng, reach, poses_unknown=unknown)
             if np.allclose(drawn, pose, rtol=0, atol=0.005):  # a bundle keeps 1/512 mm
                 found.add((run.seed, letter, number, run.readings))
     return frozenset(found) if len(found) == len(bundle.ids) else frozenset()

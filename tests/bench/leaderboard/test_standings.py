@@ -15,6 +15,8 @@ from tactsim.bench.leaderboard.site import command
 from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
+from tactsim.bench.trials import OneTrial, generator, hidden_pose
+from tactsim.core import Pad, Scan
 
 TASK = "active-v1"
 
@@ -94,6 +96,24 @@ def test_bundles_with_other_trials_have_no_score(made, tmp_path):
         ("moved", OTHER_TRIALS, None),
     ]
     assert len(of.ranked) == 4
+
+
+@pytest.mark.parametrize("poses", ["unknown", "one"])
+def test_trials_on_a_recording_are_hidden_as_its_pad_and_poses_say(tmp_path, poses):
+    pad = Pad(rows=14, columns=6, pitch_x=3.4, pitch_y=3.4, seam=None, unread_columns=0)
+    meta = {"pad": pad.model_dump(), "poses": poses}
+    scan = Scan(np.zeros((1, 84)), np.zeros((1, 3)), ["a"], ["test"], pad.taxel_xy, meta)
+    bundle = entered("best", "schunk5-v1")
+
+    def recorded(run):
+        of = zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
+        hidden = np.array([hidden_pose(scan, generator(run.seed, OneTrial(*one), 0)) for one in of])
+        trials = replace(run.trials, true_pose=np.repeat(hidden[:, None], run.readings, axis=1))
+        return replace(run, trials=trials, about=run.about | {"scan": meta})
+
+    bundle = replace(bundle, runs=tuple(map(recorded, bundle.runs)))
+    (of,) = folder_of(tmp_path, {"best": bundle}).standings
+    assert [one.label for one in of.ranked] == ["best"]
 
 
 def test_other_data_and_tasks_of_other_versions_are_kept_apart(made, tmp_path):
