@@ -22,12 +22,14 @@ from tactsim.bench.leaderboard.ranking import (
     ranks,
 )
 from tactsim.bench.paper import PRINTED, Printed
+from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, Scored, recognition_seconds
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator, offsets
 from tactsim.core import InputError, Pad
+from tactsim.core.checking import checked
 
 OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
@@ -253,6 +255,8 @@ def _read(path: Path) -> Bundle:
                 f"bundle {path}: {len(bundle.ids):,} trials; a leaderboard takes {MOST_TRIALS:,}"
             )
         _ = bundle.pooled  # raises if its runs are not of one kind
+        for run in bundle.runs:
+            _pad(run)  # raises if what it states is none
     return bundle
 
 
@@ -327,13 +331,17 @@ def _loss(found: Figure, figure: str) -> float:
     return -found.value if figure.startswith(f"{ACCURACY}@") else found.value
 
 
+def _pad(run: Run) -> Pad:
+    """Find the pad that a run's readings were recorded or pressed with."""
+    scan = run.about["scan"]
+    return checked(Pad, scan.get("pad") or scan.get("options", {}).get("pad", {}), "pad")
+
+
 def _trials(bundle: Bundle) -> frozenset[TrialKey]:
     """Name the trials of a bundle whose objects lie where the seed puts them."""
     found = set()
     for run in bundle.runs:
-        scan = run.about["scan"]
-        pad = scan.get("pad") or scan.get("options", {}).get("pad", {})  # of what was recorded, or pressed
-        reach, unknown = offsets(Pad.model_validate(pad).taxel_xy), scan.get("poses") == "unknown"
+        reach, unknown = offsets(_pad(run).taxel_xy), run.about["scan"].get("poses") == "unknown"
         for letter, number, pose in zip(
             run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
         ):

@@ -136,9 +136,12 @@ def test_a_method_that_is_there_twice_is_told_by_its_files(made, tmp_path):
 def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monkeypatch):
     (tmp_path / "cut.zip").write_bytes(b"PK")
     monkeypatch.setattr(standings, "MOST_TRIALS", 249)
-    found = folder_of(tmp_path, {"best": made["best"], "small": make_bundle()})
-    assert [path.name for path, _ in found.unreadable] == ["best.zip", "cut.zip"]
+    odd, no_pad = make_bundle(), {"scan": {"pad": {"rows": 0}}}
+    odd = replace(odd, runs=tuple(replace(run, about=run.about | no_pad) for run in odd.runs))
+    found = folder_of(tmp_path, {"best": made["best"], "odd": odd, "small": make_bundle()})
+    assert [path.name for path, _ in found.unreadable] == ["best.zip", "cut.zip", "odd.zip"]
     assert found.unreadable[0][1] == "250 trials; a leaderboard takes 249"
+    assert found.unreadable[2][1] == "pad: rows: give a number of at least 1, got 0"
     assert [one.status for one in found.entrants] == [OTHER_TRIALS]
 
 
