@@ -16,7 +16,7 @@ RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --requirement re
 COPY . .
 # -I: what is compiled is the installed package, and not the one in this folder.
 RUN pip --python /opt/tactsim/bin/python install --no-cache-dir --no-deps --no-build-isolation . \
-    && NUMBA_CACHE_DIR=/opt/tactsim/kernels /opt/tactsim/bin/python -I -m tactsim.bench.compile_kernels \
+    && NUMBA_CACHE_DIR=/opt/tactsim/kernels /opt/tactsim/bin/python -I -m tactsim.bench.compile_kernels --all \
     && chmod --recursive a+rwX /opt/tactsim/kernels
 
 FROM python:${PYTHON}-slim

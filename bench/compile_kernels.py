@@ -1,7 +1,7 @@
-"""Compile what most runs need, and keep it for later ones: `python -m tactsim.bench.compile_kernels`.
+"""Compile what most runs need, and keep it for later ones: `python -m tactsim.bench.compile_kernels [--all]`.
 
 Without it the first run that needs a kernel compiles it. Those of exact presses and reliefs, of solids and of pads on
-others' robots, which few runs need, are left to that.
+others' robots, which few runs need, are left to that but with `--all`.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from pathlib import Path
@@ -19,12 +20,15 @@ from tactsim.core.source_digest import python_files
 _SELDOM_NEEDED = ("tactsim.estimators.space.", "tactsim.press.")
 
 
-def compile_kernels() -> None:
-    """Import what holds kernels, on all cores: each is compiled, or loaded, when its module is imported."""
-    often = [module for module in modules_with_kernels() if not module.startswith(_SELDOM_NEEDED)]
+def compile_kernels(left_out: tuple[str, ...]) -> None:
+    """Import what holds kernels, on all cores: each is compiled, or loaded, when its module is imported.
+
+    left_out: how the names of modules begin that are not.
+    """
+    wanted = [module for module in modules_with_kernels() if not module.startswith(left_out)]
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(os.cpu_count(), mp_context=spawn) as pool:
-        list(pool.map(_import, often))
+        list(pool.map(_import, wanted))
 
 
 def modules_with_kernels() -> list[str]:
@@ -43,4 +47,4 @@ def _import(module: str) -> None:
 
 
 if __name__ == "__main__":
-    compile_kernels()
+    compile_kernels(() if "--all" in sys.argv else _SELDOM_NEEDED)
