@@ -409,7 +409,7 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     )
     if config.presses is not None:
         where = "presses on a pad"
-    if poses_unknown(scan):
+    if poses_unknown(scan.meta):
         where = "one press a trial, poses unknown"
     order = "random order"
     if config.on_demand:

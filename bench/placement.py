@@ -9,6 +9,7 @@ trials: the test of Lemos et al. 2023 (expected coverage, with distances to a po
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Protocol
@@ -100,14 +101,14 @@ def properties(scan: Scan) -> dict[str, Properties]:
         label: known.get(label) or _felt(scan.where("train", label), scan.where(label=label))
         for label in scan.letters
     }
-    if not poses_unknown(scan):
+    if not poses_unknown(scan.meta):
         return found
     return {label: replace(of, placed=False) for label, of in found.items()}
 
 
-def poses_unknown(scan: Scan) -> bool:
-    """Tell whether a scan says that nobody knows how its test presses lie to the object, and to each other."""
-    return scan.meta.get("poses") == "unknown"
+def poses_unknown(meta: Mapping[str, Any]) -> bool:
+    """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
+    return bool(meta.get("poses") == "unknown")
 
 
 def stated_properties(scan: Scan) -> dict[str, Properties]:

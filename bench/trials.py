@@ -253,7 +253,7 @@ def draw_true_pose(
 def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
     """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
     if not scan.in_space:
-        return draw_true_pose(rng, offsets(scan.taxel_xy), poses_unknown=poses_unknown(scan))
+        return draw_true_pose(rng, offsets(scan.taxel_xy), poses_unknown=poses_unknown(scan.meta))
     from tactsim.bench.space.touching import draw_pose_in_space  # runs in the plane do without its room
 
     return draw_pose_in_space(rng)
@@ -287,7 +287,7 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
                     "take them from another scan (`bench run --scan TEST --train-scan TRAIN`)"
                 )
         test = scan.where("test", letter)
-        if poses_unknown(scan) and readings > (most := int(_counted_presses(test)[1].max())):
+        if poses_unknown(scan.meta) and readings > (most := int(_counted_presses(test)[1].max())):
             raise InputError(
                 f"{readings} readings a trial: poses are unknown, so a trial takes the readings of one press, and no "
                 f"test press of {letter!r} has more than {most}; ask for at most {most}, or cut smaller windows"
@@ -536,7 +536,7 @@ class TrialPlan:
         test = self.scan.where("test", task.truth)
         if self.measured:
             return test.chosen(np.arange(task.trial * self.readings, (task.trial + 1) * self.readings))
-        if not poses_unknown(self.scan):
+        if not poses_unknown(self.scan.meta):
             return test
         press, count = _counted_presses(test)
         enough = np.unique(press[count >= self.readings])

@@ -22,6 +22,7 @@ from tactsim.bench.leaderboard.ranking import (
     ranks,
 )
 from tactsim.bench.paper import PRINTED, Printed
+from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
@@ -30,6 +31,7 @@ from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator, offsets
 from tactsim.core import InputError, Pad
 from tactsim.core.checking import checked
+from tactsim.core.provenance import statements
 
 OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
@@ -333,15 +335,14 @@ def _loss(found: Figure, figure: str) -> float:
 
 def _pad(run: Run) -> Pad:
     """Find the pad that a run's readings were recorded or pressed with."""
-    scan = run.about["scan"]
-    return checked(Pad, scan.get("pad") or scan.get("options", {}).get("pad", {}), "pad")
+    return checked(Pad, statements(run.about["scan"])["pad"] or {}, "pad")
 
 
 def _trials(bundle: Bundle) -> frozenset[TrialKey]:
     """Name the trials of a bundle whose objects lie where the seed puts them."""
     found = set()
     for run in bundle.runs:
-        reach, unknown = offsets(_pad(run).taxel_xy), run.about["scan"].get("poses") == "unknown"
+        reach, unknown = offsets(_pad(run).taxel_xy), poses_unknown(run.about["scan"])
         for letter, number, pose in zip(
             run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
         ):

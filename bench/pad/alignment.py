@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
-from tactsim.bench.placement import Properties, fold_angle, placement_error, properties
+from tactsim.bench.placement import Properties, fold_angle, placement_error, poses_unknown, properties
 from tactsim.core import InputError, Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
@@ -68,7 +68,7 @@ def align(
     train = scan.where("train")
     if not len(train):
         raise InputError("the scan has no training presses to align")
-    known = scan.meta.get("poses") != "unknown" and bool(np.ptp(train.poses, axis=0).any())
+    known = not poses_unknown(scan.meta) and bool(np.ptp(train.poses, axis=0).any())
     if known != withheld:
         raise InputError(
             "the scan states the poses of its training presses; say --poses unknown (in Python withheld=True) to see "

@@ -116,8 +116,10 @@ class SpaceConfig(SpaceWords):
 
 def check_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> None:
     """Raise InputError for a word that means nothing for objects in space; it names the one to use in its place."""
-    instead = {"letters": "--objects", "readings": "--touches", "pad": "--scan-set pad=FILE"}
-    instead |= dict.fromkeys(("particles", "bins"), "--set")
+    instead = {
+        "letters": "--objects", "readings": "--touches", "pad": "--scan-set pad=FILE", "particles": "--set",
+        "bins": "--set",
+    }  # fmt: skip
     for name in given:
         if name not in model.model_fields:
             use = f"; use {instead[name]}" if name in instead else "; leave it out"
