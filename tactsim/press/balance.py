@@ -26,7 +26,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.press.bed import MM, Bed, Level, Springs, lay_bed, levels, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import RADIUS, UNREAD_STAGES, Scene, Setup, scene
+from tactsim.press.scene import RADIUS, UNREAD_STAGES, Setup, scene
 from tactsim.press.spread import Patches
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches, UnsettledError
 
@@ -66,18 +66,18 @@ class _Contact:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """The presses that are to be solved. force: (n,) N of each. stiffness: (n,) N/mm^3, of the layer under each."""
+    """The presses that are to be solved.
+
+    tilted: whether any face may be other than level. force: (n,) N of each. stiffness: (n,) N/mm^3, of the layer under
+    each.
+    """
 
     touches: Touches
     face: Sequence[Level]
     options: ScanOptions
+    tilted: bool
     force: FloatArray
     stiffness: FloatArray
-
-    @property
-    def tilted(self) -> bool:
-        """Tell whether any face may be other than level."""
-        return self.options.press.wrist_stiffness is not None or bool(self.touches.tilts.any())
 
     def lay(self, rows: NDArray[np.intp], tilt: FloatArray, depth: FloatArray | None = None) -> Bed:
         """Lay the bed under some presses: where the face is below the pad's surface, or all over the pad."""
@@ -128,19 +128,19 @@ class _Problem:
         leaning = at_centre[:, None] * first + bent
         arm = bed.centre * force[:, None] + leaning
         squared = at_centre * (force + along) + np.einsum("ci,ci->c", slope, bent)
-        stiffness, force_set = self.stiffness[rows], self.force[rows]
-
-        def over_press(values: FloatArray) -> FloatArray:
-            return stiffness * np.bincount(bed.press, values, len(rows))
-
-        energy = over_press(squared) / 2 - force_set * depth
-        missing = np.abs(over_press(force) - force_set) / force_set
+        # Of all parts of a press together.
+        twice_stored, carried, moment_x, moment_y = (
+            self.stiffness[rows] * np.bincount(bed.press, of_parts, len(rows))
+            for of_parts in (squared, force, *arm.T)
+        )
+        force_set = self.force[rows]
+        energy = twice_stored / 2 - force_set * depth
+        missing = np.abs(carried - force_set) / force_set
         if press.wrist_stiffness is not None:
             bend = tilt - self.touches.tilts[rows]
             energy += press.wrist_stiffness * (bend**2).sum(axis=1) / 2
             # How the depth at (x, y) changes with either tilt: the forces do work through it.
             (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt.T), np.sin(tilt.T)
-            moment_x, moment_y = over_press(arm[:, 0]), over_press(arm[:, 1])
             about_x = moment_y / cos_x**2 - moment_x * sin_x * sin_y / (cos_y * cos_x**2)
             about_y = -moment_x / (cos_y**2 * cos_x)
             for about, gave in zip((about_x, about_y), bend.T, strict=True):
@@ -160,20 +160,18 @@ class _Problem:
         return self.stiffness[rows, None] * np.stack([about_x, about_y], axis=1)
 
 
-def press(touches: Touches, options: ScanOptions) -> Pressed:
-    """Press a letter until it rests.
+def press(touches: Touches, options: ScanOptions, face: Sequence[Level] | None = None) -> Pressed:
+    """Press a letter until it rests. face: the levels that touch, if they are not those of the letter.
 
     A press that tips over or finds no balance is a blank, with its reason.
     Raises InputError if a letter with rounded edges is to be pressed by its parts.
     """
-    return press_face(levels(touches.letter, options.press), touches, options)
-
-
-def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) -> Pressed:
-    """Press a face that is given by its levels, as `press` does."""
     setup = options.press
+    if face is None:
+        face = levels(touches.letter, setup)
     force, stiffness = touches.forces(setup.force), np.ones(len(touches))
-    problem = _Problem(touches, face, options, force, stiffness)
+    tilted = setup.wrist_stiffness is not None or bool(touches.tilts.any())
+    problem = _Problem(touches, face, options, tilted, force, stiffness)
     whole = problem.lay(np.arange(len(touches)), touches.tilts)
     area = whole.area_of_presses
     touching = np.flatnonzero(area)
@@ -193,8 +191,20 @@ def press_face(face: Sequence[Level], touches: Touches, options: ScanOptions) ->
     depth, tilt, blanks = _solve(problem, stage, problem.begin(whole), touching)
     resting = np.setdiff1d(touching, list(blanks))
     bed = problem.lay(resting, tilt[resting], depth[resting]).among(resting, len(touches))
-    load = Patches.under(bed, depth, tilt, force, even=not problem.tilted)
-    return Pressed(touches, load, _work(whole, face, touches, options), blanks)
+    load = Patches.under(bed, depth, tilt, force, even=not tilted)
+    # What was pressed, and what each skip left out.
+    untouched = len(touches) - len(touching)
+    pressed = len(touching) + (0 if setup.skip.no_contact else untouched)
+    x_lines, y_lines = options.cell_lines
+    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
+    work = Counter(
+        presses=pressed,
+        no_contact=untouched if setup.skip.no_contact else 0,
+        cells=len(touching) * cells - len(whole.area) if setup.skip.cells else 0,
+        parts=pressed if setup.skip.parts else 0,
+        stages=pressed * len(UNREAD_STAGES) if setup.skip.stages else 0,
+    )
+    return Pressed(touches, load, work, blanks)
 
 
 def _solve(
@@ -273,7 +283,8 @@ def _step(
     wrist, lost = stage.wrist_stiffness, {}
     for row, index in zip(rows.tolist(), presses.tolist(), strict=True):
         springs, stiffness = bed.springs[row], 1e3 * float(problem.stiffness[index])
-        placed = _placed(stage, springs, problem.touches, index)
+        placed = scene(stage, len(springs.share))
+        placed.place_letter(problem.touches.poses[index], problem.touches.tilts[index])
         bending = contact.bending[row]
         placed.set_springs(
             springs._replace(position=position[springs.rows]),
@@ -301,19 +312,13 @@ def _step(
     return lost
 
 
-def _placed(stage: Setup, springs: Springs, touches: Touches, index: int) -> Scene:
-    """Give the scene of one press, with the letter at its pose and its nominal tilt."""
-    placed = scene(stage, len(springs.share))
-    placed.place_letter(touches.poses[index], touches.tilts[index])
-    return placed
-
-
 def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: float) -> None:
     """Push a letter that touches nothing for one step, and check that MuJoCo finds no force.
 
     Done only where the skip of presses without contact is switched off, to show that it changes nothing.
     """
-    placed = _placed(stage, springs, touches, index)
+    placed = scene(stage, len(springs.share))
+    placed.place_letter(touches.poses[index], touches.tilts[index])
     stiffness = force / _DEPTH  # as for a contact of 1 mm^2
     placed.set_springs(springs, stiffness, step=_time_step(stiffness))
     placed.reset(_DEPTH)
@@ -325,20 +330,3 @@ def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: f
 
 def _time_step(stiffness: float) -> float:
     return math.sqrt(MASS / (_INERTIA * stiffness))
-
-
-def _work(bed: Bed, face: Sequence[Level], touches: Touches, options: ScanOptions) -> Counter[str]:
-    """Count presses and what each skip left out of them."""
-    skip = options.press.skip
-    touching = int(np.count_nonzero(bed.area_of_presses))
-    untouched = len(touches) - touching
-    pressed = touching + (0 if skip.no_contact else untouched)
-    x_lines, y_lines = options.cell_lines
-    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
-    return Counter(
-        presses=pressed,
-        no_contact=untouched if skip.no_contact else 0,
-        cells=touching * cells - len(bed.area) if skip.cells else 0,
-        parts=pressed if skip.parts else 0,
-        stages=pressed * len(UNREAD_STAGES) if skip.stages else 0,
-    )

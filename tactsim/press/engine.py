@@ -9,7 +9,6 @@ time, `dynamics`. Each is imported when it first presses: some bring MuJoCo, Sci
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -58,35 +57,21 @@ def press_at(touches: Touches, options: ScanOptions) -> Pressed:
     Raises InputError if the engine asked for cannot press this.
     """
     name = "full" if options.press.dynamics == "full" else engine_for(touches, options)
-    pressed = _engine(name)(touches, options)
+    if name == "exact":
+        from tactsim.press.exact import press
+    elif name == "bed":
+        from tactsim.press.balance import press
+    elif name == "collide":
+        from tactsim.press.collide import press
+    elif name == "relief":
+        from tactsim.press.relief import press
+    elif name == "elastic":
+        from tactsim.press.elastic import press
+    else:
+        from tactsim.press.dynamics import press
+    pressed = press(touches, options)
     pressed.work[f"engine_{name}"] = pressed.work["presses"]
     return pressed
-
-
-def _engine(name: str) -> Callable[[Touches, ScanOptions], Pressed]:
-    if name == "exact":
-        from tactsim.press.exact import press as exact
-
-        return exact
-    if name == "bed":
-        from tactsim.press.balance import press as bed
-
-        return bed
-    if name == "collide":
-        from tactsim.press.collide import press as collide
-
-        return collide
-    if name == "relief":
-        from tactsim.press.relief import press as relief
-
-        return relief
-    if name == "elastic":
-        from tactsim.press.elastic import press as elastic
-
-        return elastic
-    from tactsim.press.dynamics import press as through_time
-
-    return through_time
 
 
 def ideal_readings(touches: Touches, options: ScanOptions) -> tuple[FloatArray, Counter[str]]:

@@ -124,12 +124,17 @@ class PressOptions(Settings):
         return None if stiffness == "rigid" else stiffness  # a word that TOML and the command line can say
 
     @model_validator(mode="after")
-    def _time_suffices(self) -> PressOptions:
+    def _can_be_stepped(self) -> PressOptions:
         least = self.clearance / self.approach_speed + self.ramp
         if self.dynamics == "full" and self.time_limit <= least:
             raise ValueError(
                 f"time_limit = {self.time_limit:g} s is over before the force is: approach (clearance / "
                 f"approach_speed) and ramp take {least:g} s"
+            )
+        if self.dynamics == "full" and self.foundation != "winkler":
+            raise ValueError(
+                f"foundation = {self.foundation} is pressed at rest only; give dynamics = equilibrium or "
+                f"foundation = winkler"
             )
         return self
 
@@ -139,15 +144,6 @@ class PressOptions(Settings):
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
         return max(self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness))
-
-    @model_validator(mode="after")
-    def _steps_springs_alone(self) -> PressOptions:
-        if self.foundation != "winkler" and self.dynamics == "full":
-            raise ValueError(
-                f"foundation = {self.foundation} is pressed at rest only; give dynamics = equilibrium or "
-                f"foundation = winkler"
-            )
-        return self
 
 
 class SensorOptions(Settings):
@@ -286,7 +282,7 @@ class ScanOptions(Settings):
         return Pad.load(pad) if isinstance(pad, str | Path) else pad
 
     @model_validator(mode="after")
-    def _pad_is_workable(self) -> ScanOptions:
+    def _fits_the_pad(self) -> ScanOptions:
         x_lines, y_lines = self.cell_lines
         cells = (len(x_lines) - 1) * (len(y_lines) - 1)
         if cells > _MOST_CELLS:
@@ -294,10 +290,6 @@ class ScanOptions(Settings):
                 f"{self.pad.taxels} taxels make {cells:,} cells of the bed, more than {_MOST_CELLS:,}; choose "
                 f"fewer taxels, a smaller press.cells_per_taxel or a larger sensor.psf_sigma"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _dead_taxels_exist(self) -> ScanOptions:
         beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
         if beyond:
             raise ValueError(

@@ -50,7 +50,7 @@ def test_a_rigid_sphere_presses_as_on_independent_springs():
     ]
     poses = np.array([[0.0, 0.0, 0.0], [1.3, -0.4, 0.5]])
     options = level_scan(press=level_press(stiffness=1e3 * stiffness))
-    maps = balance.press_face(face, Touches.of(models.letter("O"), poses), options).readings(options)
+    maps = balance.press(Touches.of(models.letter("O"), poses), options, face).readings(options)
     # The closed form as a stack of thin discs: p is the integral of k over the depth.
     steps = (np.arange(60) + 0.5) / 60 * depth
     for reading, pose in zip(maps, poses, strict=True):
