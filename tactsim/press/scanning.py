@@ -90,18 +90,11 @@ def scan_letters(
     """
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    moving = sequence and options.press.dynamics == "full"
-    lower = []
-    if sequence and not moving:
-        from tactsim.press.sequences import rising
-
-        lower = [
-            _Batch(batch.letter, batch.split, batch.stated, batch.touches.at_share(share))
-            for share in rising(options.press)
-            for batch in batches
-        ]
-    found_all, work = _ideal([*batches, *lower], options, jobs, cache, moving, progress)
-    ideal = _with_lower(found_all, len(batches))
+    full = options.press.dynamics == "full"
+    if sequence and not full:
+        ideal, work = _rising(batches, options, jobs, cache, progress)
+    else:
+        ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
     gain = gains(options)
     kept = [
         np.setdiff1d(np.arange(len(batch.touches)), list(found.blanks))
@@ -136,7 +129,7 @@ def scan_letters(
     engines = {name: count for name, count in work.items() if name.startswith("engine_")}
     skipped = {name: count for name, count in work.items() if name != "presses" and name not in engines}
     done = {"presses": work["presses"], **engines, **({"blanks": len(blanks)} if blanks else {})}
-    return scan, {**done, **_settling(ideal), "skipped": skipped}
+    return scan, {**done, **(_settling(ideal) if full else {}), "skipped": skipped}
 
 
 def letters_of(options: ScanOptions) -> list[models.Letter]:
@@ -245,19 +238,35 @@ def _ideal(
     return [ideal[name] for name in names], work
 
 
-def _with_lower(found: Sequence[_Ideal], batches: int) -> list[_Ideal]:
-    """Put together the batches at their loads, the first in `found`, and all of them at one lower load after another.
+def _rising(
+    batches: Sequence[_Batch],
+    options: ScanOptions,
+    jobs: int,
+    cache: bool,
+    progress: Progress | None,
+) -> tuple[list[_Ideal], Counter[str]]:
+    """Get what each batch reads at rest under its loads, and under the lower ones on the way there.
 
     A press that does not come to rest under a lower load is a blank, too.
     """
-    return [
-        replace(
-            ideal,
-            lower=tuple(one.readings for one in found[batches + number :: batches]),
-            blanks={row: why for one in found[number::batches] for row, why in one.blanks.items()},
-        )
-        for number, ideal in enumerate(found[:batches])
+    from tactsim.press.sequences import rising
+
+    lower = [
+        replace(batch, touches=batch.touches.at_share(share))
+        for share in rising(options.press)
+        for batch in batches
     ]
+    found, work = _ideal([*batches, *lower], options, jobs, cache, False, progress)
+    count = len(batches)
+    ideal = [
+        replace(
+            at_load,
+            lower=tuple(one.readings for one in found[count + number :: count]),
+            blanks={row: why for one in found[number::count] for row, why in one.blanks.items()},
+        )
+        for number, at_load in enumerate(found[:count])
+    ]
+    return ideal, work
 
 
 def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
