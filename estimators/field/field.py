@@ -86,7 +86,10 @@ class LikelihoodField:
         filled = self.terms.start[self._readings * self.terms.loads]
         while filled + len(evidence.table) > len(self.terms.kind):
             self.terms = _with_room(self.terms, ("kind", "xy", "weight"))
-        named = Named(evidence.table, evidence.taxel, evidence.weight, evidence.ends(self.terms.loads))
+        ends = np.full(self.terms.loads, len(evidence.table))
+        if evidence.load is not None:
+            ends = np.searchsorted(evidence.load, np.arange(self.terms.loads), side="right")
+        named = Named(evidence.table, evidence.taxel, evidence.weight, ends)
         if not record(self.terms, self._readings, named, self.taxel_xy, sensor_in_robot, self._ranges):
             evidence.check(len(self.tables.highest), len(self.taxel_xy))
         self._readings += 1

@@ -46,7 +46,7 @@ class HistogramFilter(GridFilter):
 
     def __init__(self, options: HistogramOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._evaluated = self._bounds = self._skipped = 0
+        self._bounds = self._skipped = 0
 
     def _fit(self) -> None:
         self._belief: BinnedBelief | MovingBins
@@ -109,7 +109,8 @@ class HistogramFilter(GridFilter):
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count evaluations, a bin in a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of planes of bins, made in order to skip bins.

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.core import Scan, memory
+from tactsim.core.origins import seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import (
     Estimate,
@@ -57,7 +58,7 @@ class MapFilter(Estimator):
 
     labels: the letters, in the order of the scan. maps: the occupancy map of each, mm. likelihood: the measurement
     model. field: the log-likelihood of the readings so far, which has a new reading before `measure` is called.
-    taxel_xy: (taxels, 2) mm. reach: mm, of x and y of T_R^O.
+    taxel_xy: (taxels, 2) mm. reach: mm, of x and y of T_R^O. grid: the bins of a filter that has some.
 
     frames: where the origins of the filter's frames lie in those of its user, for the present sequence. All that the
     filter holds is in its own.
@@ -80,6 +81,7 @@ class MapFilter(Estimator):
     # By what power the likelihood of so many readings counts in the belief; None for 1, however many there are.
     trust: Trust | None = None
     pad_fit: PadFit | None = None
+    grid: StateGrid | None = None
     frames: Frames
     taxel_xy: FloatArray
     reach: float
@@ -95,7 +97,7 @@ class MapFilter(Estimator):
         self._maps: Mapping[str, OccupancyMap] = {}
         self._object_of: Mapping[str, str] = {}
         self._started = False
-        self._weighed = 0
+        self._evaluated = 0
         self._set_options(options)
 
     def _set_options(self, options: FilterOptions) -> None:
@@ -121,18 +123,18 @@ class MapFilter(Estimator):
         """
         options, pad_fit = self.options, None
         frames = Frames.fitted(scan, reach_of(options.reach, scan.taxel_xy))
-        scan, object_of = frames.scan(scan).by_view()
+        scan, object_of = seen_from(scan, frames.object_origin).by_view()
         if wants_pad_fit(options, scan):
             from tactsim.estimators.pad_fit import fit_to_pad
 
             pad_fit = fit_to_pad(scan, options)
             scan, options = pad_fit.units.scan(scan, self.takes_sequences), pad_fit.inner(options)
         # A belief that would not fit in memory is refused before hours of work.
-        grid, particles = getattr(self, "grid", None), getattr(options, "particles", None)
-        if grid is not None:
+        particles = getattr(options, "particles", None)
+        if self.grid is not None:
             count = len(scan.where("train").letters)
-            what = f"{count} letters with {grid.bins:,} bins each"
-            memory.require(count * grid.bins * _OF_A_BIN, what, "choose fewer bins")
+            what = f"{count} letters with {self.grid.bins:,} bins each"
+            memory.require(count * self.grid.bins * _OF_A_BIN, what, "choose fewer bins")
         elif particles is not None:
             memory.require(particles * _OF_A_PARTICLE, f"{particles:,} particles", "choose fewer particles")
         maps = learn_maps_by(options, scan)
@@ -155,7 +157,8 @@ class MapFilter(Estimator):
             other.fit(rest)
             return other
         maps = {label: chart for label, chart in self._maps.items() if self._object_of[label] != letter}
-        other.fit_with(self.fitted_options, maps, self.frames.scan(rest).by_view()[0])
+        seen = seen_from(rest, self.frames.object_origin).by_view()[0]
+        other.fit_with(self.fitted_options, maps, seen)
         if self.open_set is not None:
             other.open_set = copy.copy(self.open_set)
             other.open_set.reset()
@@ -177,7 +180,6 @@ class MapFilter(Estimator):
         self.taxel_xy = scan.taxel_xy
         self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
         self._reach_far = max(self._reach_near, reach_on_object(scan))
-        self._reach_to(self._reach_near)
         if self.mixes_loads:
             self.likelihood = likelihood.create(options, scan.where("train"))
         self.likelihood.fit(scan, maps)
@@ -187,19 +189,20 @@ class MapFilter(Estimator):
 
             assert isinstance(self.likelihood, SequenceLikelihood)
             self.likelihood.counts = images_count(self.likelihood, scan)
-        self._learn(scan)
         self._planner: Planner | None = None
         # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
         alone = not self.takes_sequences and self.likelihood.loads == 1
         calibrated = self.fitted_options.likelihood == "calibrated" and alone
         self._train = None if calibrated else scan.where("train")
-        self._lay_out()
+        self._lay_out(self._reach_near)
 
-    def _lay_out(self) -> None:
-        """Build what every sequence needs, for states within `reach`."""
-        self.field = LikelihoodField(
-            self.likelihood, self.labels, self.taxel_xy, self._spacing, self.fitted_options.cell
-        )
+    def _lay_out(self, reach: float) -> None:
+        """Build what every sequence needs, for x and y of T_R^O in [-reach, reach] mm."""
+        self.reach = reach
+        cell = self.fitted_options.cell
+        # States that share a node's place lie so far apart in x and y (mm): bins, or a map cell for any states.
+        spacing = (cell, cell) if self.grid is None else self.grid.spacing[:2]
+        self.field = LikelihoodField(self.likelihood, self.labels, self.taxel_xy, spacing, cell)
         self._fit()
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -231,8 +234,7 @@ class MapFilter(Estimator):
             self.frames = self.frames.begun(poses.reshape(-1, 3)[0])
             reach = self._reach_near if self.frames.first_touch is None else self._reach_far
             if reach != self.reach:
-                self._reach_to(reach)
-                self._lay_out()
+                self._lay_out(reach)
                 self._begin(rng)
         return self.frames.poses(poses)
 
@@ -260,7 +262,7 @@ class MapFilter(Estimator):
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
-        known = self._known()
+        known = self.own_estimate() if self.moving is None else self.moving.estimate()
         if self.open_set is not None:
             known = self.open_set.estimate(known, self.path(known), self.weighted_states)
         if self.pad_fit is not None:
@@ -339,8 +341,7 @@ class MapFilter(Estimator):
     @property
     def work(self) -> dict[str, Any]:
         """Count what was done since the filter was made: what its own belief took, and the one that moves beside it."""
-        work = self._own_work()
-        return {**work, "likelihood_evaluations": work["likelihood_evaluations"] + self._weighed}
+        return {"likelihood_evaluations": self._evaluated, "skipped": {}}
 
     # What a belief that moves beside the filter's own asks of it (`moving.MovingBelief`), as of `Synthesis` too.
 
@@ -368,7 +369,7 @@ class MapFilter(Estimator):
 
     def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
         """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats. It counts as one of few readings."""
-        self._weighed += state.shape[1]
+        self._evaluated += state.shape[1]
         log_p = self.field.log_p(letter, state, touch, touch + 1)
         if self.trust is None:
             return log_p
@@ -387,18 +388,6 @@ class MapFilter(Estimator):
 
     # What else a subclass may say of itself.
 
-    @property
-    def _spacing(self) -> tuple[float, float]:
-        """Give how far apart in x and y (mm) states lie that share a node's place; a map cell for any states."""
-        return self.fitted_options.cell, self.fitted_options.cell
-
-    def _reach_to(self, reach: float) -> None:
-        """Let x and y of T_R^O be in [-reach, reach] mm."""
-        self.reach = reach
-
-    def _learn(self, scan: Scan) -> None:
-        """Learn from the training readings what a filter needs beside the measurement model, given that."""
-
     @abstractmethod
     def _fit(self) -> None:
         """Build from `labels` and `field` what every sequence needs."""
@@ -414,14 +403,6 @@ class MapFilter(Estimator):
     def _own_setup(self) -> str:
         """Say in one line how the filter itself is set up."""
         return ", ".join(f"{name} {value}" for name, value in self.fitted_options if value is not None)
-
-    def _own_work(self) -> dict[str, Any]:
-        """Count what the filter's own belief took, as `Estimator.work`."""
-        return dict(super().work)
-
-    def _known(self) -> Estimate:
-        """Estimate letter and pose, in mm of the filter, if the object is one of the known letters."""
-        return self.own_estimate() if self.moving is None else self.moving.estimate()
 
     def _calibrated(self) -> CalibratedLikelihood:
         """Give the calibrated model that the filter has learned, or learn it and let go of the readings."""
@@ -457,13 +438,10 @@ class GridFilter(MapFilter):
         """Say how the state space is split, in one line."""
         return self.grid.describe()
 
-    @property
-    def _spacing(self) -> tuple[float, float]:
-        return self.grid.spacing[:2]
-
-    def _reach_to(self, reach: float) -> None:
-        super()._reach_to(reach)
+    def _lay_out(self, reach: float) -> None:
+        """Let the bins reach as far, then build what every sequence needs."""
         if self._grows:
             self.grid = self._as_asked.reaching(reach, self._reach_near, _MOST_BINS // len(self.labels))
         else:
             self.grid = replace(self.grid, reach=reach)
+        super()._lay_out(reach)

@@ -100,7 +100,7 @@ class ParticleFilter(MapFilter):
 
     def __init__(self, options: ParticleOptions) -> None:
         super().__init__(options)
-        self._evaluated = self._cones = self._spared = 0
+        self._cones = self._spared = 0
 
     def _fit(self) -> None:
         noise = self.fitted_options
@@ -157,7 +157,8 @@ class ParticleFilter(MapFilter):
         counted = super()._own_plane()
         return replace(counted, probability=shared(counted.probability, self.field.alike))
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, since the estimator was made.
 
         skipped: cones, of particles that could not decide the mode. spared_by_kld: particles fewer than the most that
@@ -271,9 +272,10 @@ class AugmentedFilter(ParticleFilter):
             self._injected += len(replaced)
         return drawn
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count as the particle filter does, and `injected`: random particles that replaced others."""
-        return {**super()._own_work(), "injected": self._injected}
+        return {**super().work, "injected": self._injected}
 
 
 def _mix(log_mean: float, log_value: float, share: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -31,7 +32,8 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust
 from tactsim.estimators.filters.trust_learning import learn_trust
-from tactsim.estimators.options import MODELS, OpenSetOptions
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.estimators.options import MODELS, FilterOptions, OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -92,7 +94,7 @@ class RefinedFilter(GridFilter):
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._evaluated = self._bounds = self._left_alone = self._unreplayed = self._badly_explained = 0
+        self._bounds = self._left_alone = self._unreplayed = self._badly_explained = 0
 
     def _own_setup(self) -> str:
         """Say how the state space is split, in one line."""
@@ -115,8 +117,9 @@ class RefinedFilter(GridFilter):
         )
         self._before, self._halved = blank_halved(self._limits), blank_halved(self._limits)
 
-    def _learn(self, scan: Scan) -> None:
-        """Learn how much a sequence of readings counts."""
+    def fit_with(self, options: FilterOptions, maps: Mapping[str, OccupancyMap], scan: Scan) -> None:
+        """Learn the measurement model, given the maps, and then how much a sequence of readings counts."""
+        super().fit_with(options, maps, scan)
         self.trust = learn_trust(self.likelihood, scan)
         if self.options.halvings < _AT_LEAST:  # the middle of a coarse bin explains no reading well
             self.trust = replace(self.trust, misfit=Misfit())
@@ -193,7 +196,8 @@ class RefinedFilter(GridFilter):
         x, y, _ = self.grid.centres
         return PlaneBelief(self.labels, x, y, probability / probability.sum())
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count evaluations, a bin or cell in a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of bins, made in order to skip bins. badly_explained: readings after which a sequence was

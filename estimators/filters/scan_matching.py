@@ -79,7 +79,7 @@ class ScanMatching(GridFilter):
 
     def __init__(self, options: ScanMatchingOptions) -> None:
         super().__init__(options, options.bins, options.split)
-        self._bins = self._bounds = self._skipped = 0
+        self._bounds = self._skipped = 0
 
     def _fit(self) -> None:
         size = max(_LARGEST / min(self.grid.spacing[:2]), 1)
@@ -153,7 +153,7 @@ class ScanMatching(GridFilter):
         count = len(self.field)
         replay(scores, state, np.ascontiguousarray(letter), self.field.terms, first, count, level.sampled)
         if level.side == 1:
-            self._bins += len(scores) * (count - first)
+            self._evaluated += len(scores) * (count - first)
         else:
             self._bounds += len(scores) * (count - first)
 
@@ -181,13 +181,14 @@ class ScanMatching(GridFilter):
         """Give the best pose of each letter."""
         return WeightedStates(np.arange(len(self.labels)), self._states(), Weights(self._scores))
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count evaluations, a bin or a block with a reading each, made and skipped since the estimator was made.
 
         bound_evaluations: of blocks of bins, made in order to skip bins. skipped: bins left alone, at every reading.
         """
         return {
-            "likelihood_evaluations": self._bins,
+            "likelihood_evaluations": self._evaluated,
             "bound_evaluations": self._bounds,
             "skipped": {"bins": self._skipped},
         }

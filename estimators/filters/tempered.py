@@ -99,7 +99,7 @@ class TemperedFilter(MapFilter):
 
     def __init__(self, options: TemperedOptions) -> None:
         super().__init__(options)
-        self._evaluated = self._unmoved = 0
+        self._unmoved = 0
 
     def _fit(self) -> None:
         self._each = max(1, self.options.particles // len(self.labels))
@@ -144,7 +144,8 @@ class TemperedFilter(MapFilter):
             Weights(np.concatenate([one.log_evidence + one.rest.log for one in self._populations])),
         )
 
-    def _own_work(self) -> dict[str, Any]:
+    @property
+    def work(self) -> dict[str, Any]:
         """Count evaluations, a particle in a reading each, made and skipped since the estimator was made."""
         skipped = {"moves": self._unmoved}
         return {"likelihood_evaluations": self._evaluated, "skipped": skipped}

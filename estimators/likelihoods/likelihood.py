@@ -52,12 +52,6 @@ class Evidence:
         load = None if self.load is None else self.load[kept]
         return Evidence(self.table[kept], self.taxel[kept], self.weight[kept], load)
 
-    def ends(self, loads: int) -> NDArray[np.int64]:
-        """Say where the terms of each load end: (loads,)."""
-        if self.load is None:
-            return np.full(loads, len(self.table))
-        return np.searchsorted(self.load, np.arange(loads), side="right")
-
     def check(self, tables: int, taxels: int) -> None:
         """Raise ValueError if a term names a table or taxel beyond these counts, or has an odd weight."""
         for name, indices, count in (("table", self.table, tables), ("taxel", self.taxel, taxels)):
