@@ -79,7 +79,7 @@ def new_folder(path: str | Path) -> Iterator[Path]:
             raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         if target.is_dir() and any(target.iterdir()):
             raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
-        stays = _stays(target)
+        stays = target.is_dir() and _stays(target)
         if not stays:
             target.parent.mkdir(parents=True, exist_ok=True)
         room = target if stays else target.parent
@@ -178,8 +178,6 @@ def lock(descriptor: int) -> None:
 
 def _stays(folder: Path) -> bool:
     """Tell whether an existing folder is to be filled where it is: nothing can be renamed to it, or should be."""
-    if not folder.is_dir():
-        return False
     with suppress(OSError):
         if folder.samefile(Path.cwd()):
             return True

@@ -113,7 +113,9 @@ class Scan:
 
     def __post_init__(self) -> None:
         self._check_arrays()
-        self._check_sequence()
+        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
+        if given:
+            self._check_sequence(given)
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -154,10 +156,7 @@ class Scan:
         if not self.readings.shape[1]:
             raise InputError("scan: readings have no taxels")
 
-    def _check_sequence(self) -> None:
-        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
-        if not given:
-            return
+    def _check_sequence(self, given: list[str]) -> None:
         if len(given) < len(_SEQUENCE):
             missing = next(name for name in _SEQUENCE if name not in given)
             raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
@@ -265,7 +264,12 @@ class Scan:
     @cached_property
     def digest(self) -> str:
         """Name the scan by its content: equal scans have equal digests (SHA-256, hex)."""
-        return digest_of(self.meta, {name: getattr(self, name) for name in self._arrays})
+        content = sha256(json.dumps(self.meta, sort_keys=True).encode())
+        for name in self._arrays:
+            array = np.ascontiguousarray(getattr(self, name))
+            content.update(f"{name} {array.dtype.str} {array.shape}".encode())
+            content.update(array.tobytes())
+        return content.hexdigest()
 
     def where(self, split: str | None = None, label: str | None = None) -> Self:
         """Select the readings of one split and/or one label, in their order; none of a label that is not there.
@@ -459,16 +463,6 @@ def train_on(train: Scan, test: Scan) -> Scan:
     stated = (scan.meta.get("objects") for scan in (test, train))
     objects = {label: facts for of in stated if isinstance(of, Mapping) for label, facts in of.items()}
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta), "objects": objects})
-
-
-def digest_of(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Name arrays and what is said of them by their content: equal ones have equal digests (SHA-256, hex)."""
-    content = sha256(json.dumps(meta, sort_keys=True).encode())
-    for name, given in arrays.items():
-        array = np.ascontiguousarray(given)
-        content.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        content.update(array.tobytes())
-    return content.hexdigest()
 
 
 def is_label(name: str) -> bool:
