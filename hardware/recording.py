@@ -238,7 +238,10 @@ class RecordReader:
                 size = os.fstat(stream.fileno()).st_size
                 start = stream.read(_START.size)
                 if len(start) < _START.size or not start.startswith(MAGIC):
-                    raise InputError("it is no recording; `bench record --out FILE` makes one")
+                    raise InputError(
+                        "it is no recording of `bench record`, and no text; of arrays write a table with a line a "
+                        "frame, 'time [s],t0,t1,...'"
+                    )
                 version = _START.unpack(start)[1]
                 if version != VERSION:
                     raise InputError(f"it has format version {version}; this program reads version {VERSION}")
