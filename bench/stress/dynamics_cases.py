@@ -51,8 +51,7 @@ def mass_stiffness_step(worst: Worst) -> None:
         for decade in range(-5, 6)
     ]
     for mass, stiffness, step in settings:
-        stage = scene(Setup(mass=mass), len(springs.share))
-        stage.place_letter(pose[0], np.zeros(2))  # a scene keeps the tilt of the press before
+        stage = scene(Setup(mass=mass), len(springs.share), pose[0], np.zeros(2))
         # Damped as strongly as the spring and the mass ask for, so that it comes to rest.
         natural = math.sqrt(mass / (stiffness * springs.area))
         stage.set_springs(springs, stiffness, step=step, relaxation=2 * natural)

@@ -283,8 +283,7 @@ def _step(
     wrist, lost = stage.wrist_stiffness, {}
     for row, index in zip(rows.tolist(), presses.tolist(), strict=True):
         springs, stiffness = bed.springs[row], 1e3 * float(problem.stiffness[index])
-        placed = scene(stage, len(springs.share))
-        placed.place_letter(problem.touches.poses[index], problem.touches.tilts[index])
+        placed = scene(stage, len(springs.share), problem.touches.poses[index], problem.touches.tilts[index])
         bending = contact.bending[row]
         placed.set_springs(
             springs._replace(position=position[springs.rows]),
@@ -317,8 +316,7 @@ def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: f
 
     Done only where the skip of presses without contact is switched off, to show that it changes nothing.
     """
-    placed = scene(stage, len(springs.share))
-    placed.place_letter(touches.poses[index], touches.tilts[index])
+    placed = scene(stage, len(springs.share), touches.poses[index], touches.tilts[index])
     stiffness = force / _DEPTH  # as for a contact of 1 mm^2
     placed.set_springs(springs, stiffness, step=_time_step(stiffness))
     placed.reset(_DEPTH)

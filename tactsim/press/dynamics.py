@@ -135,8 +135,7 @@ def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions
         letter=None if press.skip.parts else touches.letter,
         skip_stages=press.skip.stages,
     )
-    stage = scene(setup, len(springs.share))
-    stage.place_letter(touches.poses[index], touches.tilts[index])
+    stage = scene(setup, len(springs.share), touches.poses[index], touches.tilts[index])
     force = float(touches.forces(press.force)[index])
     return press_through_time(stage, springs, press.model_copy(update={"force": force}))
 

@@ -98,24 +98,6 @@ class Scene:
         if self.setup.wrist_stiffness is not None:
             self.data.qpos[1:] = self.tilt if tilt is None else tilt
 
-    def place_letter(self, sensor_in_object: FloatArray, tilt: FloatArray) -> None:
-        """Put the letter where a pose [x mm, y mm, theta rad] and a nominal tilt (2,) rad have it.
-
-        Its face is at z = 0 in the pad's middle.
-        """
-        self.tilt[:] = tilt
-        if self.setup.wrist_stiffness is not None:
-            self.model.eq_data[:, 0] = tilt
-        else:
-            (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt / 2), np.sin(tilt / 2)
-            quaternion = (cos_x * cos_y, sin_x * cos_y, cos_x * sin_y, sin_x * sin_y)
-            self.model.body_quat[self.gimbal_body] = quaternion
-        letter = self.setup.letter
-        if letter is not None:
-            x, y, angle = invert(sensor_in_object)
-            self.model.body_pos[self.letter_body] = (x * MM, y * MM, -letter.height * MM)
-            self.model.body_quat[self.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
-
     def depth_of_touch(self, springs: Springs) -> FloatArray:
         """Work out how far the letter has to move to touch each spring at the nominal tilt, (n,) m."""
         slope = slopes(self.tilt[None])[0]
@@ -215,8 +197,12 @@ class Scene:
             )
 
 
-def scene(setup: Setup, springs: int) -> Scene:
-    """Give this thread's scene with room for `springs`, compiled when it is first asked for."""
+def scene(setup: Setup, springs: int, sensor_in_object: FloatArray, tilt: FloatArray) -> Scene:
+    """Give this thread's scene with room for `springs`, compiled when it is first asked for.
+
+    Its letter is where a pose [x mm, y mm, theta rad] and a nominal tilt (2,) rad have it: its face is at z = 0 in the
+    pad's middle.
+    """
     capacity = 1 << max(4, (springs - 1).bit_length())
     known = _THREAD.__dict__.setdefault("scenes", OrderedDict())
     key = (setup, capacity)
@@ -224,7 +210,19 @@ def scene(setup: Setup, springs: int) -> Scene:
         known[key] = _compile(setup, capacity)
         if len(known) > _MOST_SCENES:
             known.popitem(last=False)
-    return known[key]
+    found = known[key]
+    found.tilt[:] = tilt
+    if setup.wrist_stiffness is not None:
+        found.model.eq_data[:, 0] = tilt
+    else:
+        (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt / 2), np.sin(tilt / 2)
+        quaternion = (cos_x * cos_y, sin_x * cos_y, cos_x * sin_y, sin_x * sin_y)
+        found.model.body_quat[found.gimbal_body] = quaternion
+    if setup.letter is not None:
+        x, y, angle = invert(sensor_in_object)
+        found.model.body_pos[found.letter_body] = (x * MM, y * MM, -setup.letter.height * MM)
+        found.model.body_quat[found.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
+    return found
 
 
 _THREAD = threading.local()  # a scene holds the state of one press, so threads do not share it

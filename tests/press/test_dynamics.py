@@ -174,8 +174,7 @@ def test_a_free_letter_bounces_as_hunt_and_crossley_say(speed, dissipation):
     letter, options = models.letter("I"), level_press(dynamics="full")
     bed = lay_bed(levels(letter, options), np.zeros((1, 3)), *Pad().grid_lines(2))
     (springs,) = bed.springs
-    stage = scene(Setup(mass=0.1), len(springs.share))
-    stage.place_letter(np.zeros(3), np.zeros(2))
+    stage = scene(Setup(mass=0.1), len(springs.share), np.zeros(3), np.zeros(2))
     rate = np.sqrt(1000.0 * springs.area / 0.1)
     step = 4e-4 / rate
     stage.set_springs(springs, 1000.0, step=step)
