@@ -58,10 +58,11 @@ def save_beside(save: Callable[[Path], Path], folder: Path) -> Path:
         place = whole.with_name(f"{whole.name}-{number}")
 
 
-def save_and_show(save: Callable[[], Path] | None, show: Callable[[Path | None], None]) -> None:
-    """Save results and show them; where saving fails, as on a full disk, they are shown before the error is raised.
+@contextmanager
+def saved(save: Callable[[], Path] | None) -> Iterator[Path | None]:
+    """Save results for the block, which shows them; where saving fails, as on a full disk, the error comes after it.
 
-    save: writes them and returns where; None if they are only to be shown. show(place): shows them; None: in no file.
+    save: writes them and returns where; None if they are only to be shown. Yields the place; None: in no file.
     """
     place: Path | None = None
     failure: InputError | None = None
@@ -70,7 +71,7 @@ def save_and_show(save: Callable[[], Path] | None, show: Callable[[Path | None],
     except InputError as error:
         failure = InputError(f"{error}; the results are in no file, only in what was printed")
         failure.__cause__ = error
-    show(place)
+    yield place
     if failure is not None:
         raise failure
 

@@ -36,7 +36,7 @@ def command(
     from functools import partial
 
     from tactsim.bench.bound.bound import find_bound
-    from tactsim.bench.places import check_new_file, save_and_show
+    from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
     from tactsim.core.files import write_bytes
@@ -49,16 +49,14 @@ def command(
     with progress_bars() as progress:
         found = find_bound(config, jobs=jobs, cache=cache, progress=progress)
 
-    def show(place: Path | None) -> None:
+    def save(picture: Path) -> Path:
+        write_bytes(picture, found.plot().png())
+        return picture
+
+    with saved(None if out is None else partial(save, out)) as place:
         if as_json:
             typer.echo(to_json(found.as_json()), nl=False)
             return
         print_bound(found)
         if place is not None:
             typer.echo(f"picture  {place}")
-
-    def save(picture: Path) -> Path:
-        write_bytes(picture, found.plot().png())
-        return picture
-
-    save_and_show(None if out is None else partial(save, out), show)

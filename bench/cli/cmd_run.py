@@ -62,7 +62,7 @@ def command(
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.experiment import perform
-    from tactsim.bench.places import results_folder, save_and_show, save_beside
+    from tactsim.bench.places import results_folder, save_beside, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_places, print_run, progress_bars
 
@@ -104,20 +104,17 @@ def command(
         _print_shapes(config, plain_console(stderr=True))
     with kept_clear(as_json), progress_bars() as progress:
         run = perform(config, jobs=jobs, cache=cache, progress=progress)
-
-    def show(saved: Path | None) -> None:
+    with saved(lambda: save_beside(run.save, folder)) as place:
         if as_json:
-            typer.echo(to_json(run.as_json() | {"results": saved and str(saved)}), nl=False)
+            typer.echo(to_json(run.as_json() | {"results": place and str(place)}), nl=False)
             return
         print_run(run, verbose)
-        if saved is not None:
-            print_places(run, saved)
+        if place is not None:
+            print_places(run, place)
         if port is not None:
             plain_console().print(
                 f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
             )
-
-    save_and_show(lambda: save_beside(run.save, folder), show)
 
 
 def _print_shapes(config: RunConfig, console: Console) -> None:

@@ -37,7 +37,7 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
     from tactsim.bench.leaderboard.submit import Method, submit
-    from tactsim.bench.places import check_new_file, save_and_show
+    from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
@@ -55,21 +55,19 @@ def command(
         write_bundle(bundle, out)
         return out
 
-    def show(place: Path | None) -> None:
+    with saved(save) as place:
         if output:
             plain_console(stderr=True).print(output)
         if as_json:
             said = {"task": bundle.task, "method": bundle.method, "status": bundle.status, "figures": scored}
             typer.echo(to_json(said | {"bundle": place and str(place)}), nl=False)
-            return
-        console = plain_console()
-        console.print(f"{bundle.method} on {bundle.task}", style="bold")
-        for figure, value in scored.items():
-            console.print(f"{figure}  {'-' if value is None else f'{value:.4g}'}")
-        console.print(f"status  {bundle.status}")
-        if place is not None:
-            console.print(f"bundle  {place}")
-
-    save_and_show(save, show)
+        else:
+            console = plain_console()
+            console.print(f"{bundle.method} on {bundle.task}", style="bold")
+            for figure, value in scored.items():
+                console.print(f"{figure}  {'-' if value is None else f'{value:.4g}'}")
+            console.print(f"status  {bundle.status}")
+            if place is not None:
+                console.print(f"bundle  {place}")
     if not done:
         raise typer.Exit(1)

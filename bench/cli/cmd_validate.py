@@ -38,13 +38,13 @@ def command(
 
     import tomli_w
 
-    from tactsim.bench.cli.validation_report import show as show_report
+    from tactsim.bench.cli.validation_report import show
     from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
     from tactsim.bench.pad import validation
     from tactsim.bench.pad.validation_picture import presses_figure
     from tactsim.bench.placement import load_scan
-    from tactsim.bench.places import check_new_folder, save_and_show, save_beside
+    from tactsim.bench.places import check_new_folder, save_beside, saved
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.files import new_folder
 
@@ -64,10 +64,8 @@ def command(
             (folder / "world.toml").write_bytes(tomli_w.dumps(result.parameters).encode())
         return wanted
 
-    def show(place: Path | None) -> None:
+    with saved(None if out is None else partial(save_beside, save, out)) as place:
         if as_json:
             typer.echo(json.dumps(answer))
         else:
-            show_report(result, place, recorded)
-
-    save_and_show(None if out is None else partial(save_beside, save, out), show)
+            show(result, place, recorded)

@@ -44,7 +44,7 @@ def command(
     from tactsim.bench.leaderboard.bundle import Machine, Record, bundle_hash, read_bundle, write_record
     from tactsim.bench.leaderboard.verify import verify
     from tactsim.bench.machine import machine, versions
-    from tactsim.bench.places import save_and_show
+    from tactsim.bench.places import saved
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
     from tactsim.core.source_digest import git_commit
@@ -66,18 +66,6 @@ def command(
     except InputError as error:
         raise InputError(f"bundle {bundle}: {error}") from error
 
-    def show(place: Path | None) -> None:
-        console = plain_console()
-        console.print(f"{read.method} on {read.task}", style="bold")
-        for note in verdict.notes:
-            console.print(f"note      {note}")
-        if verdict.again:
-            again = f"{verdict.again} of {verdict.trials} trials"
-            console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
-        console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
-        if place is not None:
-            console.print(f"record    {place}")
-
     def save() -> Path:
         made = Record(
             bundle=bundle_hash(bundle),
@@ -96,6 +84,16 @@ def command(
         )
         return write_record(made, bundle)
 
-    save_and_show(save if record else None, show)
+    with saved(save if record else None) as place:
+        console = plain_console()
+        console.print(f"{read.method} on {read.task}", style="bold")
+        for note in verdict.notes:
+            console.print(f"note      {note}")
+        if verdict.again:
+            again = f"{verdict.again} of {verdict.trials} trials"
+            console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
+        console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
+        if place is not None:
+            console.print(f"record    {place}")
     if not verdict.verified:
         raise typer.Exit(1)
