@@ -140,8 +140,8 @@ def _letters(words: Any) -> Any:
     return parse_letters(words)
 
 
-def _names(words: Any) -> Any:
-    """Read names from a text such as "A,E", sorted and without repeats; a list of names likewise."""
+def _held_out(words: Any) -> Any:
+    """Read the letters to hold out, or `EACH`, from a text such as "A,E" or a list: sorted, without repeats."""
     names = words.replace(",", " ").split() if isinstance(words, str) else words or ()
     if not (isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)):
         raise ValueError("give letters, as 'A,E' or a list of names")
@@ -160,11 +160,6 @@ def _noise(words: Any) -> Any:
 
 
 Noise = Annotated[str | float | None, BeforeValidator(_noise)]
-
-
-def _held_out(words: Any) -> Any:
-    """Read the letters to hold out, or `EACH` alone."""
-    return (EACH,) if words in (EACH, [EACH]) else _names(words)
 
 
 def _text_of_path(words: Any) -> Any:

@@ -48,21 +48,19 @@ def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], C
 
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
+    """Make a field's option: it takes a count, a path, a list if it repeats, or else a text."""
     default = field.default if isinstance(field.default, str | int) else None
     option = typer.Option(*flags_of(name, field), help=field.description, show_default=default is not None)
-    return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[_typed(field), option]
-    )
-
-
-def _typed(field: FieldInfo) -> Any:
-    """Give the type of a field's option: a count, a path, a list if the option repeats, or else a text."""
-    kind = field.annotation
-    if kind in (bool, int, int | None, Path | None):
-        return kind
+    kind: Any = field.annotation
     if kind == tuple[Path, ...]:
-        return list[Path] | None
-    return list[str] | None if get_origin(kind) is dict else str | None
+        kind = list[Path] | None
+    elif get_origin(kind) is dict:
+        kind = list[str] | None
+    elif kind not in (bool, int, int | None, Path | None):
+        kind = str | None
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, option]
+    )
 
 
 def is_typed(context: typer.Context, name: str) -> bool:
