@@ -26,7 +26,6 @@ from tactsim.bench.trials import (
     check_labels,
     check_readings,
     fit,
-    pad_fit_of,
     received_trials,
     run_trials,
     send_trials,
@@ -44,7 +43,7 @@ from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, Options, create
 from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.likelihoods.occupancy import maps_of
-from tactsim.estimators.options import FilterOptions
+from tactsim.estimators.options import FilterOptions, wants_pad_fit
 from tactsim.estimators.registry import load
 from tactsim.press import forward_model, scan_letters
 from tactsim.press.scan_poses import PAPER, stage_for
@@ -52,6 +51,7 @@ from tactsim.press.scanning import letters_of
 
 if TYPE_CHECKING:
     from tactsim.bench.space.space_config import SpaceConfig
+    from tactsim.estimators.pad_fit import PadFit
 
 Config: TypeAlias = "RunConfig | SpaceConfig"
 
@@ -92,11 +92,9 @@ def perform(
     Raises InputError for a configuration that does not fit together.
     """
     start = perf_counter()
-    if estimator is None:
-        fitted = estimator_of(config)  # a wrong option is reported before the work
-    else:
-        config, fitted = _with_estimator(config, estimator), estimator
-    check_estimator(config, fitted)
+    if estimator is not None:
+        config = _with_estimator(config, estimator)
+    fitted = estimator_of(config, estimator)  # a wrong option is reported before the work
     about = about_estimator(fitted)  # before it is fitted, as a run of a sweep says it
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     if isinstance(config, RunConfig):
@@ -129,8 +127,12 @@ def perform(
     return replace(run, plan=plan, maps=surfaces_of(fitted))
 
 
-def estimator_of(config: Config) -> Estimator:
-    """Create the estimator that a configuration names. Raises InputError, which says whose an option is."""
+def estimator_of(config: Config, estimator: Estimator | None = None) -> Estimator:
+    """Create the estimator that a configuration names, or take `estimator`, which `_with_estimator` has named in it.
+
+    Raises InputError, which says whose an option is, and for an estimator that is not for such runs, or cannot choose
+    touches and should.
+    """
     for name, usual in (("bins", "histogram"), ("particles", "particle")):
         given = getattr(config, name, None) is not None
         if given and name not in load(config.estimator).options_type.model_fields:
@@ -138,11 +140,8 @@ def estimator_of(config: Config) -> Estimator:
                 f"--{name} (in Python {name}): estimator {config.estimator} has none; leave it out, or add --estimator "
                 f"{usual}"
             )
-    return create(config.estimator, **config.options)
-
-
-def check_estimator(config: Config, estimator: Estimator) -> None:
-    """Raise InputError for an estimator that is not for such runs, or cannot choose touches and should."""
+    if estimator is None:
+        estimator = create(config.estimator, **config.options)
     in_space = not isinstance(config, RunConfig)
     if estimator.in_space and not in_space:
         raise InputError(f"estimator {config.estimator} recognises objects in space; add --task solids")
@@ -152,6 +151,7 @@ def check_estimator(config: Config, estimator: Estimator) -> None:
         )
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)
+    return estimator
 
 
 def tasks_of(config: Config, letters: Sequence[str]) -> list[OneTrial]:
@@ -376,6 +376,7 @@ def _said_in_plane(
 ) -> tuple[dict[str, Any], FloatArray | None]:
     """Give what a run in the plane says of itself beside the rest, and the bounds of its trials (n, r) mm."""
     scan, options = gathered.scan, estimator.options
+    said: dict[str, Any] = {}
     bounds, no_bound = None, NO_BOUND
     if config.bound:
         from tactsim.bench.bound.efficiency import bounds_of_trials
@@ -383,10 +384,12 @@ def _said_in_plane(
         bounds, no_bound = bounds_of_trials(
             scan, trials, config.explore, config.moving, sequences=config.sequences
         )
-    said: dict[str, Any] = {}
-    pad_fit = pad_fit_of(estimator, scan)
-    if pad_fit is not None:
-        assert isinstance(options, FilterOptions)  # others fit nothing to the pad
+    if isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and wants_pad_fit(options, scan):
+        pad_fit: PadFit | None = estimator.pad_fit
+        if pad_fit is None:  # a sweep's workers have fitted theirs
+            from tactsim.estimators.pad_fit import fit_to_pad
+
+            pad_fit = fit_to_pad(scan, options)
         options = pad_fit.outer(options)
         said = {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
     notes = notes_on(scan)

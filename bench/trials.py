@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import groupby
 from time import process_time
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,7 @@ from tactsim.core.source_digest import source_digest
 from tactsim.core.workers import batches, wait_for
 from tactsim.estimators import NONE, Estimate, Estimator, create
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
-from tactsim.estimators.options import FilterOptions, wants_pad_fit
 from tactsim.estimators.registry import load
-
-if TYPE_CHECKING:
-    from tactsim.estimators.pad_fit import PadFit
-
 
 _FAR = 100.0  # times the usual offset: beyond what an estimator takes for near
 
@@ -484,21 +479,6 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
         estimator.fit(scan)
 
 
-def pad_fit_of(estimator: Estimator, scan: Scan) -> PadFit | None:
-    """Say what an estimator fits to the pad of a scan, whether it has done so yet or not; None if it does not."""
-    options = estimator.options
-    if not (
-        isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and wants_pad_fit(options, scan)
-    ):
-        return None
-    if estimator.pad_fit is not None:
-        known: PadFit = estimator.pad_fit
-        return known
-    from tactsim.estimators.pad_fit import fit_to_pad
-
-    return fit_to_pad(scan, options)
-
-
 TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
 
 
@@ -543,14 +523,15 @@ class TrialPlan:
         first = generator(self.seed, OneTrial(task.truth, 0), 4).integers(len(enough))
         return test.chosen(press == enough[(first + task.trial) % len(enough)])
 
-    def letters_known(self, truth: str) -> tuple[str, ...]:
-        """List the letters that an estimator knows in the trials of the letter `truth`."""
-        trained = self.scan.where("train").letters
-        return tuple(letter for letter in trained if not (self.each_held_out and letter == truth))
+    def fitted_for(self, truth: str, estimator: Estimator) -> tuple[Estimator, tuple[str, ...]]:
+        """Give what the trials of a letter need: the fitted `estimator`, and the letters that it knows.
 
-    def fitted_for(self, truth: str, estimator: Estimator) -> Estimator:
-        """Give what the trials of a letter need: the fitted `estimator`, without the letter if each is held out."""
-        return estimator.without(truth, self.scan) if self.each_held_out else estimator
+        Where each letter is held out, both are without this one.
+        """
+        trained = self.scan.where("train").letters
+        if not self.each_held_out:
+            return estimator, trained
+        return estimator.without(truth, self.scan), tuple(letter for letter in trained if letter != truth)
 
     def fitted(self) -> Estimator:
         """Make the estimator and fit it.
@@ -619,7 +600,7 @@ def run_trials(
     progress("trials", 0, len(tasks))
     with no_exit(plan.estimator):
         for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
-            fitted, letters = plan.fitted_for(truth, estimator), plan.letters_known(truth)
+            fitted, letters = plan.fitted_for(truth, estimator)
             before = Counter(flatten_work(fitted.work))
             words: dict[str, Any] = {
                 "letters": letters, "readings": plan.readings, "seed": plan.seed, "of": objects[truth],

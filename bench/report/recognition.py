@@ -204,10 +204,10 @@ def _recognise(
         if belief is not None:
             beliefs.append(belief)
 
-    estimator = plan.fitted_for(task.truth, estimator)
+    estimator, known = plan.fitted_for(task.truth, estimator)
     with no_exit(estimator):
         trial = run_trial(
-            estimator, test, task, letters=plan.letters_known(task.truth), readings=entry.readings,
+            estimator, test, task, letters=known, readings=entry.readings,
             seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,
             slip=plan.slip, observe=keep,
         )  # fmt: skip
