@@ -152,28 +152,20 @@ class Run:
         return f"{share:.0%} of the readings are {BADLY_EXPLAINED}" if share > _OFTEN else None
 
     @property
-    def symmetry_unknown(self) -> str | None:
-        """Say of which objects nobody stated the symmetry, so that errors take them for having none; None if of none.
-
-        What is scored as turned by half a turn may look the same.
-        """
-        stated = self.about["scan"].get("objects", {})
-        unknown = (
-            []
-            if self.in_space
-            else [label for label, of in self.objects.items() if of.placed and label not in stated]
-        )
-        if not unknown:
-            return None
-        return (
-            f"no symmetry is known of {' '.join(unknown)}: a turn that looks the same counts as an error; "
-            "`--shape FILE` of `bench import` and `bench replay` states it"
-        )
-
-    @property
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
-        return [line for line in (self.badly_explained, self.symmetry_unknown) if line is not None]
+        lines = [] if self.badly_explained is None else [self.badly_explained]
+        if self.in_space:
+            return lines
+        # Errors take an object whose symmetry nobody stated for having none: half a turn of it may look the same.
+        stated = self.about["scan"].get("objects", {})
+        unknown = [label for label, of in self.objects.items() if of.placed and label not in stated]
+        if unknown:
+            lines.append(
+                f"no symmetry is known of {' '.join(unknown)}: a turn that looks the same counts as an error; "
+                "`--shape FILE` of `bench import` and `bench replay` states it"
+            )
+        return lines
 
     @property
     def confusion(self) -> dict[str, dict[str, int]]:
@@ -427,18 +419,15 @@ class _Layout(NamedTuple):
     """What differs between the files of a run in the plane and of one in space, where readings are called touches.
 
     schema: of run.json. pose: the numbers of a pose. number: the column that counts the readings of a trial. columns:
-    of trials.csv, one row per trial and reading, the same on every machine for the same seed.
+    of trials.csv, one row per trial and reading, the same on every machine for the same seed. time_columns: of
+    times.csv, of the same rows in the same order; the times differ whenever a run is repeated.
     """
 
     schema: int
     pose: tuple[str, ...]
     number: str
     columns: tuple[str, ...]
-
-    @property
-    def time_columns(self) -> tuple[str, ...]:
-        """Those of times.csv, of the same rows in the same order; the times differ whenever a run is repeated."""
-        return ("truth", "trial", self.number, "update_s", "estimate_s", "propose_s")
+    time_columns: tuple[str, ...]
 
 
 _PLANE = _Layout(
@@ -448,6 +437,7 @@ _PLANE = _Layout(
         *(f"{before}{name}" for before in ("", "true_") for name in PLANE_POSE),
         "credibility", "radius_90", "evaluations",
     ),
+    ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s"),
 )  # fmt: skip
 _SPACE = _Layout(
     1, SPACE_POSE, "touch_number",
@@ -456,6 +446,7 @@ _SPACE = _Layout(
         *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
         "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
     ),
+    ("truth", "trial", "touch_number", "update_s", "estimate_s", "propose_s"),
 )  # fmt: skip
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")

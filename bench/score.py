@@ -41,14 +41,15 @@ def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -
     return result
 
 
+@dataclass(frozen=True, eq=False)
 class Scored:
     """Trials with what several metrics need of them, worked out once. objects: what measures each object's placement.
 
     In space these are of a class with `angle` beside `error`.
     """
 
-    def __init__(self, trials: Trials, objects: Mapping[str, Any]) -> None:
-        self.trials, self.objects = trials, objects
+    trials: Trials
+    objects: Mapping[str, Any]
 
     @cached_property
     def error(self) -> FloatArray:
