@@ -24,4 +24,6 @@ for room in ("bench", "estimators", "hardware", "models"):
 # A file that was renamed since an earlier build would still be in that build's folder, and so in the wheel.
 shutil.rmtree(HERE / "build" / "lib", ignore_errors=True)
 
-setup()
+# A path to this folder, and no import hook: from the folder above, `import tactsim` would find a clone of that name
+# first, without its package.
+setup(options={"editable_wheel": {"mode": "compat"}})

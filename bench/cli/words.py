@@ -80,5 +80,5 @@ def refuse_typed(context: typer.Context, names: Iterable[str], why: str) -> None
 
 
 def dotted(values: Mapping[str, Any]) -> list[str]:
-    """Write nested settings as dotted name=value words."""
-    return [f"{name}={value}" for name, value in flat(values).items()]
+    """Write nested settings as dotted name=value words, as they can be typed."""
+    return [f"{name}={'none' if value is None else value}" for name, value in flat(values).items()]

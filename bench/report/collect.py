@@ -35,7 +35,8 @@ def find(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
 def check_folder(path: Path) -> None:
     """Raise InputError unless a folder stands at `path`, as of a run or a sweep."""
     if not path.is_dir():
-        raise InputError(f"{path}: there is no such folder; name folders of runs or of a sweep")
+        why = "it is no folder" if path.exists() else "there is no such folder"
+        raise InputError(f"{path}: {why}; name folders of runs or of a sweep")
 
 
 def _runs_of(path: Path) -> list[Path]:

@@ -1,6 +1,6 @@
 """An estimator in JAX that learns from trials: a deep set (Zaheer et al. 2017) over readings and where they were taken.
 
-    pip install tactsim jax optax
+    pip install jax optax  # beside tactsim
     python deep_set.py
 
 Each reading with its pose passes one network, their mean another, which names the letter. Trained on `Scan.batches`

@@ -168,6 +168,6 @@ def kernel_folder(package: str) -> Path | None:
 @cache
 def _say_why_it_takes_long(kept: bool) -> None:
     logging.getLogger(__name__).warning(
-        "compiling the inner loops for this machine: half a minute or more, "
+        "compiling the inner loops that this command needs first: half a minute, or two where the machine is busy; "
         + ("kept for later runs" if kept else "each time, since no cache folder takes it")
     )

@@ -60,7 +60,9 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
     close: list[str] = []
     if isinstance(name, str):
         close = [one for one in names if one.lower() == name.lower()]
+        parts = {one.rpartition(".")[2]: one for one in names}  # `noise` stands for `sensor.noise`
         close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
+        close = close or [parts[part] for part in difflib.get_close_matches(name[:_LONGEST], parts, n=1)]
     hint = f"did you mean {close[0]!r}? " if close else ""
     return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names) or 'none'}")
 

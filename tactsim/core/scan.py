@@ -393,7 +393,9 @@ class Scan:
         apart = np.abs(self.taxel_xy[:, None] - other.taxel_xy[None]).max(axis=-1, initial=0.0)
         shared = (apart < 1e-3).any(axis=1)  # mm
         if not shared.any():
-            raise InputError("two scans have no taxel at the same place: their pads differ")
+            raise InputError(
+                "two scans have no taxel at the same place: their pads differ, so neither teaches about the other"
+            )
         sequence = None if self.sequence is None else self.sequence[:, :, shared]
         return replace(
             self, readings=self.readings[:, shared], taxel_xy=self.taxel_xy[shared], sequence=sequence

@@ -6,7 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from building import ROOMS, ROOT, build, run
+from building import ROOMS, ROOT, build, copy_checkout, run
 
 SCRIPT = """
 import bench, estimators, hardware, models
@@ -75,6 +75,12 @@ def test_an_editable_install_shows_one_name_too(checkout, mode, install, own_fol
     for room in ROOMS:
         absent = f"import importlib.util as u; assert u.find_spec({room!r}) is None"
         run(environment / "bin" / "python", "-I", "-c", absent, cwd=own_folder)
+
+
+@pytest.mark.slow
+def test_a_clone_is_imported_from_the_folder_that_it_lies_in(tmp_path, install):
+    environment = install("-e", copy_checkout(tmp_path / "tactsim"))
+    run(environment / "bin" / "python", "-c", "import tactsim; tactsim.scan", cwd=tmp_path, PYTHONPATH="")
 
 
 def test_links_that_an_archive_lost_are_made_again(checkout, wheel, tmp_path):

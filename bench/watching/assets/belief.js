@@ -1,6 +1,7 @@
 // What an estimator makes of the touches: beliefs as bars, and the pad on the most probable letter.
 
 if (data.live) {
+  const RECENT = 12; // touches that are drawn; more hide the letter
   let now = null, belief = null;
   const scene = find("scene"), bars = find("bars");
   const halfX = reachX - 0.3, halfY = reachY - 0.3;
@@ -24,7 +25,7 @@ if (data.live) {
       const places = [...belief.inObject, ...(now.asked ? [now.asked] : [])];
       for (const [x, y] of places) size = Math.max(size, Math.abs(x) + Math.hypot(halfX, halfY), Math.abs(y) + Math.hypot(halfX, halfY));
       parts.push(s("path", { class: "object", "fill-rule": "evenodd", d: known.map(contour).join("") }));
-      parts.push(...belief.inObject.slice(0, -1).map((pose) => pad("earlier", pose)));
+      parts.push(...belief.inObject.slice(-RECENT, -1).map((pose) => pad("earlier", pose)));
       const last = belief.inObject[belief.inObject.length - 1];
       const most = Math.max(1, ...belief.felt.filter((value) => value !== null));
       const felt = s("g", { class: "now", transform: at(last) }, belief.felt.map((value, taxel) => {
