@@ -688,7 +688,7 @@ def csv_text(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(heads)
-    writer.writerows(rows)
+    writer.writerows([cell for _, cell in zip(heads, row, strict=True)] for row in rows)
     return stream.getvalue()
 
 

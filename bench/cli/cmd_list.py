@@ -132,9 +132,12 @@ def _slip() -> list[Row]:
 
 
 def _metrics() -> list[Row]:
-    from tactsim.bench.score import CURVES, HEADLINES
+    from tactsim.bench.score import CURVES, HEADLINES, SPACE_METRICS
 
-    return [(name, "", metric.description) for name, metric in (CURVES | HEADLINES).items()]
+    return [
+        (name, "of solids" if name in SPACE_METRICS else "", metric.description)
+        for name, metric in (CURVES | HEADLINES | SPACE_METRICS).items()
+    ]
 
 
 def _suites() -> list[Row]:

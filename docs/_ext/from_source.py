@@ -104,10 +104,13 @@ def solid_options() -> Iterator[str]:
 
 def metrics() -> Iterator[str]:
     """Write every metric of a run, and what it is."""
-    from tactsim.bench.score import CURVES, HEADLINES
+    from tactsim.bench.score import CURVES, HEADLINES, SPACE_METRICS
 
-    rows = [(code(name), metric.description) for name, metric in (CURVES | HEADLINES).items()]
-    yield from table(("name", "what it is"), rows)
+    rows = [
+        (code(name), "solids" if name in SPACE_METRICS else "all", metric.description)
+        for name, metric in (CURVES | HEADLINES | SPACE_METRICS).items()
+    ]
+    yield from table(("name", "of which runs", "what it is"), rows)
 
 
 def device_file_keys() -> Iterator[str]:

@@ -65,6 +65,11 @@ def test_a_page_opens_without_a_complaint(open_page, path):
     page = open_page(path)
     assert page.locator("section.protocol").count() == 2
     assert "[object" not in page.locator("body").inner_text()
+    shapes = page.locator("table.values").evaluate_all(
+        "tables => tables.map(table => [...table.rows].map(row => row.cells.length))"
+    )
+    assert len(shapes) >= 4
+    assert all(len(set(widths)) == 1 and len(widths) > 1 for widths in shapes), shapes  # a head for each cell
 
 
 def test_the_slider_moves_by_keyboard_and_everything_follows(open_page, path):

@@ -43,9 +43,12 @@ function readingsSection(task) {
     y: { kind: "log", low, high }, series: [...task.runs.map(error), ...bound],
     levels: stars.filter((one) => one.error !== null).map((one) => ({ y: one.error, text: `the paper: ${one.error} mm` })),
   }, move);
-  const values = h("tbody");
-  const table = h("table", { class: "values" },
-    heads(["run", "right", "error, mm", "error / bound", "error over all trials, mm"]), values);
+  const values = runsTable([
+    ["right", (run, k) => within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)],
+    ["error, mm", (run, k) => within(run.error[k], run.errorLow[k], run.errorHigh[k], 2)],
+    ["error / bound", (run, k) => fixed(run.efficiency[k], 2)],
+    ["error over all trials, mm", (run, k) => fixed(run.errorAll[k], 2)],
+  ]);
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -70,16 +73,7 @@ function readingsSection(task) {
     const shown = task.runs.filter((run) => visible.has(run));
     left.show(shown.map(accuracy), reading);
     right.show([...shown.map(error), ...bound], reading);
-    const k = reading - 1;
-    values.replaceChildren(
-      ...shown.map((run) =>
-        h("tr", {},
-          h("th", { scope: "row" }, swatch(run.method), run.label),
-          h("td", {}, within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)),
-          h("td", {}, within(run.error[k], run.errorLow[k], run.errorHigh[k], 2)),
-          h("td", {}, fixed(run.efficiency[k], 2)),
-          h("td", {}, fixed(run.errorAll[k], 2)))),
-    );
+    values.show(shown, reading);
   }
   update(Math.min(10, last));
   return section("Accuracy and error against readings",
@@ -88,7 +82,16 @@ function readingsSection(task) {
     h("p", { class: "hint" }, `${bandWords(task)}${bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : ""}${stars.length ? " Stars: what the paper prints." : ""}`),
     task.notes.map((note) => h("p", { class: "hint" }, note)),
     h("div", { class: "controls" }, control.field),
-    scrolling("Values at the chosen reading", table));
+    scrolling("Values at the chosen reading", values.table));
+}
+
+// Runs at a reading, a row each; columns: what each is called, and what it says of a run after reading k + 1.
+function runsTable(columns) {
+  const body = h("tbody");
+  const table = h("table", { class: "values" }, heads(["run", ...columns.map(([title]) => title)]), body);
+  const row = (run, k) => h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
+    columns.map(([, cell]) => h("td", {}, cell(run, k))));
+  return { table, show: (runs, reading) => body.replaceChildren(...runs.map((run) => row(run, reading - 1))) };
 }
 
 const bandWords = (task) => (task.runs.some((run) => run.scans > 1)
@@ -134,15 +137,15 @@ function certaintySection(task) {
   }, (k) => {
     if (String(k) !== control.input.value) control.set(k);
   });
-  const values = h("tbody");
-  const titles = ["run", "90 % regions that hold the truth", "50 % regions", "90 % within, mm", "error, mm"];
+  const values = runsTable([
+    ["90 % regions that hold the truth", (run, k) => fixed(run.coverage90[k], 3)],
+    ["50 % regions", (run, k) => fixed(run.coverage50[k], 3)],
+    ["90 % within, mm", (run, k) => fixed(run.sharpness[k], 2)],
+    ["error, mm", (run, k) => fixed(run.error[k], 2)],
+  ]);
   function update(reading) {
     left.show(sure.map(held), reading);
-    const k = reading - 1;
-    values.replaceChildren(...task.runs.map((run) =>
-      h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
-        h("td", {}, fixed(run.coverage90[k], 3)), h("td", {}, fixed(run.coverage50[k], 3)),
-        h("td", {}, fixed(run.sharpness[k], 2)), h("td", {}, fixed(run.error[k], 2)))));
+    values.show(task.runs, reading);
   }
   update(Math.min(10, last));
   return section(title,
@@ -150,7 +153,7 @@ function certaintySection(task) {
     h("div", { class: "two" }, left.box, right),
     h("p", { class: "hint" }, `Dashed: as it should be. Left: over the trials whose letter is right. Right: ${marked}`),
     h("div", { class: "controls" }, control.field),
-    scrolling("How sure at the chosen reading", h("table", { class: "values" }, heads(titles), values)));
+    scrolling("How sure at the chosen reading", values.table));
 }
 
 function paretoSection(task, methods) {
