@@ -39,6 +39,13 @@ def gather_in_space(config: SpaceConfig, *, progress: Progress) -> Gathered:
             raise InputError(
                 f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
             )
+    touched = scan.meta.get("objects", {})
+    for solid in solids[len(config.scan_options.objects) :]:  # those of files
+        if touched.get(solid.name, {}).get("digest", solid.digest) != solid.digest:
+            raise InputError(
+                f"--scan {config.scan} touched another {solid.name} than the --shape of that name; give the file "
+                f"that was scanned"
+            )
     return Gathered(
         scan.of_letters(names), names, work, perf_counter() - start,
         solids={solid.name: Surface.of(solid) for solid in solids},

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from command_line import refused
 
 import tactsim
@@ -42,6 +43,18 @@ def test_a_scan_of_a_file_gives_the_run_that_touches_anew(here, tmp_path):
     here(*RUN, "--out", "a")
     here(*RUN, "--out", "b", "--scan", "s.npz")
     assert np.array_equal(load(tmp_path / "a").trials.pose, load(tmp_path / "b").trials.pose)
+
+
+def test_readings_of_one_shape_are_not_scored_as_another_of_its_name(here, tmp_path):
+    for folder, sides in (("one", (20, 14, 9)), ("other", (20, 14, 11))):
+        (tmp_path / folder).mkdir()
+        trimesh.creation.box(sides).export(tmp_path / folder / "brick.stl")
+    few = ["--objects", "none", "--scan-set", "points=8", "--scan-set", "tests=4"]
+    here("scan", "--task", "solids", *few, "--shape", "one/brick.stl", "--out", "s.npz")
+    run = ["run", "--task", "solids", "--estimator", "alike", "--trials", "1", "--touches", "1", *few]
+    here(*run, "--scan", "s.npz", "--shape", "one/brick.stl", "--out", "same")
+    other = here(*run, "--scan", "s.npz", "--shape", "other/brick.stl", "--out", "another")
+    refused(other, "touched another brick than the --shape of that name")
 
 
 @pytest.mark.long
