@@ -419,15 +419,18 @@ class _Layout(NamedTuple):
     """What differs between the files of a run in the plane and of one in space, where readings are called touches.
 
     schema: of run.json. pose: the numbers of a pose. number: the column that counts the readings of a trial. columns:
-    of trials.csv, one row per trial and reading, the same on every machine for the same seed. time_columns: of
-    times.csv, of the same rows in the same order; the times differ whenever a run is repeated.
+    of trials.csv, one row per trial and reading, the same on every machine for the same seed.
     """
 
     schema: int
     pose: tuple[str, ...]
     number: str
     columns: tuple[str, ...]
-    time_columns: tuple[str, ...]
+
+    @property
+    def time_columns(self) -> tuple[str, ...]:
+        """Those of times.csv, of the same rows in the same order; the times differ whenever a run is repeated."""
+        return ("truth", "trial", self.number, "update_s", "estimate_s", "propose_s")
 
 
 _PLANE = _Layout(
@@ -437,7 +440,6 @@ _PLANE = _Layout(
         *(f"{before}{name}" for before in ("", "true_") for name in PLANE_POSE),
         "credibility", "radius_90", "evaluations",
     ),
-    ("truth", "trial", "reading_number", "update_s", "estimate_s", "propose_s"),
 )  # fmt: skip
 _SPACE = _Layout(
     1, SPACE_POSE, "touch_number",
@@ -446,7 +448,6 @@ _SPACE = _Layout(
         *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
         "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
     ),
-    ("truth", "trial", "touch_number", "update_s", "estimate_s", "propose_s"),
 )  # fmt: skip
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")

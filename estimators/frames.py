@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tactsim.core import Scan, compose, invert
-from tactsim.core.origins import object_origin, positions_from
+from tactsim.core.origins import object_origin, positions_from, seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
@@ -59,6 +59,10 @@ class Frames:
         radius = float(np.hypot(*trained.T).max(initial=0.0))
         # From the robot's origin to the object's, to the outermost touch there, and half a pad for either touch.
         return cls(origin, max(_BESIDE, np.sqrt(2) * reach + _FARTHER * radius + 2 * pad))
+
+    def scan(self, scan: Scan) -> Scan:
+        """Bring a scan into the frame of the object."""
+        return seen_from(scan, self.object_origin)
 
     def begun(self, first: FloatArray) -> Frames:
         """Give the frames of a sequence whose first touch is at the pose `first` (3,) in the user's robot frame."""

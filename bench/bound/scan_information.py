@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +15,7 @@ from tactsim.bench.trials import Progress, Trials, silent
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.core.workers import process_map
 from tactsim.models import Letter
@@ -90,9 +89,8 @@ def stated_options(scan: Scan) -> ScanOptions:
 
 def pressed_letters(scan: Scan, options: ScanOptions) -> dict[str, Letter]:
     """Build the letters that a scan says it pressed. Raises InputError if one is not there or has another shape."""
-    objects: Mapping[str, Any] = scan.meta.get("objects", {})
     found = {letter.name: letter for letter in letters_of(options)}
     for name in scan.letters:
-        if name not in found or objects.get(name, {}).get("digest", found[name].digest) != found[name].digest:
+        if name not in found or had_another_shape(scan.meta, name, found[name].digest):
             raise InputError(f"the scan pressed another letter {name!r} than the one that is known here")
     return {name: found[name] for name in scan.letters}

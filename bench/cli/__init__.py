@@ -27,15 +27,7 @@ def main() -> NoReturn:
         status = ended.code if isinstance(ended.code, int) else 0
         if isinstance(ended.__context__, BrokenPipeError):  # which rich takes for a failure
             status = NOBODY_READS
-        try:
-            print(end="", flush=True)
-        except OSError as error:  # a full disk, or nobody reads any more
-            # Else Python would try again at its end, and complain.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-            if not status and not isinstance(error, BrokenPipeError):
-                print(f"bench: cannot write to standard output: {error.strerror}", file=sys.stderr)
-            status = status or (NOBODY_READS if isinstance(error, BrokenPipeError) else 2)
-        sys.exit(status)
+        sys.exit(_printed(status))
 
 
 def _let_matplotlib_keep_its_fonts() -> None:
@@ -52,3 +44,15 @@ def end_interrupted() -> NoReturn:
     """Say in one line that the command was interrupted, and exit."""
     print("bench: interrupted; nothing half-written was kept", file=sys.stderr)
     sys.exit(INTERRUPTED)
+
+
+def _printed(status: int) -> int:
+    """Write what was printed; returns the exit status, which is no longer 0 if that fails."""
+    try:
+        print(end="", flush=True)
+    except OSError as error:  # a full disk, or nobody reads any more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python would try again at its end, and complain
+        if not status and not isinstance(error, BrokenPipeError):
+            print(f"bench: cannot write to standard output: {error.strerror}", file=sys.stderr)
+        status = status or (NOBODY_READS if isinstance(error, BrokenPipeError) else 2)
+    return status

@@ -11,6 +11,7 @@ from tactsim.bench.space.space_config import SpaceConfig
 from tactsim.bench.space.surface_distance import Surface
 from tactsim.bench.trials import Progress
 from tactsim.core.errors import InputError
+from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.core.space_scan import SpaceScan
 
@@ -39,9 +40,8 @@ def gather_in_space(config: SpaceConfig, *, progress: Progress) -> Gathered:
             raise InputError(
                 f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
             )
-    touched = scan.meta.get("objects", {})
     for solid in solids[len(config.scan_options.objects) :]:  # those of files
-        if touched.get(solid.name, {}).get("digest", solid.digest) != solid.digest:
+        if had_another_shape(scan.meta, solid.name, solid.digest):
             raise InputError(
                 f"--scan {config.scan} touched another {solid.name} than the --shape of that name; give the file "
                 f"that was scanned"

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactsim.core import Scan, memory
-from tactsim.core.origins import seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import (
     Estimate,
@@ -123,7 +122,7 @@ class MapFilter(Estimator):
         """
         options, pad_fit = self.options, None
         frames = Frames.fitted(scan, reach_of(options.reach, scan.taxel_xy))
-        scan, object_of = seen_from(scan, frames.object_origin).by_view()
+        scan, object_of = frames.scan(scan).by_view()
         if wants_pad_fit(options, scan):
             from tactsim.estimators.pad_fit import fit_to_pad
 
@@ -157,8 +156,7 @@ class MapFilter(Estimator):
             other.fit(rest)
             return other
         maps = {label: chart for label, chart in self._maps.items() if self._object_of[label] != letter}
-        seen = seen_from(rest, self.frames.object_origin).by_view()[0]
-        other.fit_with(self.fitted_options, maps, seen)
+        other.fit_with(self.fitted_options, maps, self.frames.scan(rest).by_view()[0])
         if self.open_set is not None:
             other.open_set = copy.copy(self.open_set)
             other.open_set.reset()

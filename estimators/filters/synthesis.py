@@ -11,7 +11,6 @@ from pydantic import Field
 
 from tactsim.core import Scan, compose
 from tactsim.core.forward import Linearised
-from tactsim.core.origins import seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import (
     Estimate,
@@ -121,7 +120,7 @@ class Synthesis(Estimator):
         rng = np.random.default_rng(0)
         reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
         self.frames = Frames.fitted(scan, reach)
-        self._reach_far = max(reach, reach_on_object(seen_from(scan, self.frames.object_origin)))
+        self._reach_far = max(reach, reach_on_object(self.frames.scan(scan)))
         self._near_scouts = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
         self._normal = rng.standard_normal((_STATES, 3))
 

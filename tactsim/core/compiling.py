@@ -11,7 +11,7 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -84,9 +84,7 @@ def compiled(
     }
 
     def decorate(function: _Function) -> Any:
-        *arguments, returned = (
-            numba_type(hint) for hint in get_type_hints(function, include_extras=True).values()
-        )
+        *arguments, returned = (numba_type(hint) for hint in _hints(function))
         signature = returned(*arguments)
         folder = kernel_folder(function.__module__.partition(".")[0])
         if folder is None:
@@ -114,11 +112,15 @@ def numba_type(hint: Any) -> Any:
     if get_origin(hint) is tuple:
         return types.Tuple([numba_type(part) for part in get_args(hint)])
     if isinstance(hint, type) and issubclass(hint, tuple):  # a NamedTuple
-        parts = get_type_hints(hint, include_extras=True).values()
-        return types.BaseTuple.from_types([numba_type(part) for part in parts], hint)
+        return types.BaseTuple.from_types([numba_type(part) for part in _hints(hint)], hint)
     if hint not in _SCALARS:
         raise TypeError(f"no compiled function can take or give {hint}")
     return _SCALARS[hint]
+
+
+def _hints(annotated: Any) -> Iterable[Any]:
+    """Give the annotations of a class or a function, that of what it returns last."""
+    return get_type_hints(annotated, include_extras=True).values()
 
 
 def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any], folder: Path) -> Any:
@@ -168,6 +170,6 @@ def kernel_folder(package: str) -> Path | None:
 @cache
 def _say_why_it_takes_long(kept: bool) -> None:
     logging.getLogger(__name__).warning(
-        "compiling the inner loops that this command needs first: half a minute, or two where the machine is busy; "
+        "compiling the inner loops that this command needs first: half a minute, or minutes where the machine is busy; "
         + ("kept for later runs" if kept else "each time, since no cache folder takes it")
     )

@@ -33,6 +33,13 @@ def check_statements(meta: Mapping[str, Any]) -> None:
         check_statements(meta["train"])
 
 
+def had_another_shape(meta: Mapping[str, Any], name: str, digest: str) -> bool:
+    """Tell whether a scan's `meta` says that its object of this name was not of the shape with this digest."""
+    objects = meta.get("objects")
+    about = objects.get(name) if isinstance(objects, Mapping) else None
+    return isinstance(about, Mapping) and about.get("digest", digest) != digest
+
+
 def _may_name_a_licence(licence: object) -> bool:
     return isinstance(licence, str) and licence.isprintable() and 0 < len(licence) <= _LONGEST_LICENCE
 

@@ -113,9 +113,7 @@ class Scan:
 
     def __post_init__(self) -> None:
         self._check_arrays()
-        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
-        if given:
-            self._check_sequence(given)
+        self._check_sequence()
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -156,7 +154,10 @@ class Scan:
         if not self.readings.shape[1]:
             raise InputError("scan: readings have no taxels")
 
-    def _check_sequence(self, given: list[str]) -> None:
+    def _check_sequence(self) -> None:
+        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
+        if not given:
+            return
         if len(given) < len(_SEQUENCE):
             missing = next(name for name in _SEQUENCE if name not in given)
             raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")

@@ -18,6 +18,7 @@ from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray, compose
+from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
 from tactsim.press.engine import check_flat
@@ -170,12 +171,10 @@ def forward_model(scan: Scan) -> PressModel:
         )
     options = checked(ScanOptions, stated, "scan: meta.options")
     letters = {letter.name: letter for letter in letters_of(options)}
-    facts = scan.meta.get("objects")
     for label in scan.letters:
         if label not in letters:
             raise unknown("letter of the scan's meta.options", label, letters)
-        fact = facts.get(label) if isinstance(facts, Mapping) else None
-        if isinstance(fact, Mapping) and fact.get("digest", letters[label].digest) != letters[label].digest:
+        if had_another_shape(scan.meta, label, letters[label].digest):
             raise InputError(f"{label!r} has another shape now than when the scan was made; scan again")
     apart = np.abs(scan.taxel_xy[:, None] - options.pad.taxel_xy[None]).max(axis=-1)
     taxel = apart.argmin(axis=1)

@@ -129,7 +129,7 @@ def scan_letters(
     engines = {name: count for name, count in work.items() if name.startswith("engine_")}
     skipped = {name: count for name, count in work.items() if name != "presses" and name not in engines}
     done = {"presses": work["presses"], **engines, **({"blanks": len(blanks)} if blanks else {})}
-    return scan, {**done, **(_settling(ideal) if full else {}), "skipped": skipped}
+    return scan, {**done, **_settling(ideal), "skipped": skipped}
 
 
 def letters_of(options: ScanOptions) -> list[models.Letter]:
