@@ -15,6 +15,7 @@ from tactsim.bench.results import Run
 from tactsim.bench.score import FEWEST_PAIRS, Scored, settled_by
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import shape_digest
 
 DRAWS = 4000  # bootstrap resamples of the trials
 # What decides the trials of a run, in the order in which it is named.
@@ -138,6 +139,11 @@ def _check_same_trials(base: Run, new: Run) -> None:
     pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
     pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
     alike = all(np.array_equal(a, b) for a, b in pairs)
+    if alike and (base.config.get("shapes") or new.config.get("shapes")):
+        for name in base.letters:
+            stated = [shape_digest(run.about["scan"], name) for run in (base, new)]
+            if None not in stated and stated[0] != stated[1]:
+                raise InputError(f"{name} is of another shape in each run; give both the same --shape")
     if base.in_space:
         if not alike:
             from tactsim.bench.space.space_config import SpaceConfig  # runs in the plane do without its room

@@ -114,8 +114,8 @@ def checked_name(kind: str, name: str) -> str:
     package = name.replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name) or len(name) > _LONGEST:
         raise InputError(
-            f"{kind} {short(given)}: a name is lower-case words with hyphens between them, such as my-{kind}, of at "
-            f"most {_LONGEST} characters"
+            f"{kind} {short(given)}: a name is lower-case words with hyphens between them, such as my-{kind}, "
+            f"begins with a letter and has at most {_LONGEST} characters"
         )
     if name in _taken(kind):
         raise InputError(f"{kind} {name!r}: there is one of that name already; {_LISTED[kind]} shows it")

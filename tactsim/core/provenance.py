@@ -35,9 +35,14 @@ def check_statements(meta: Mapping[str, Any]) -> None:
 
 def had_another_shape(meta: Mapping[str, Any], name: str, digest: str) -> bool:
     """Tell whether a scan's `meta` says that its object of this name was not of the shape with this digest."""
+    return shape_digest(meta, name) not in (None, digest)
+
+
+def shape_digest(meta: Mapping[str, Any], name: str) -> Any:
+    """Return the digest of the shape that an object of a scan had, as `meta` states it; None if it does not."""
     objects = meta.get("objects")
     about = objects.get(name) if isinstance(objects, Mapping) else None
-    return isinstance(about, Mapping) and about.get("digest", digest) != digest
+    return about.get("digest") if isinstance(about, Mapping) else None
 
 
 def _may_name_a_licence(licence: object) -> bool:

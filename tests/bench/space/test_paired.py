@@ -28,3 +28,16 @@ def test_other_hidden_objects_are_refused():
     other = {"seed": 1, "objects": ["nut"], "scan": "a.npz"}
     with pytest.raises(InputError, match=r"same objects.* --seed, --objects, --scan"):
         compare(base, replace(new, config=base.config | other))
+
+
+def test_files_of_one_name_and_another_shape_are_refused():
+    def run_of(digest):
+        base = make_space_run()
+        scan = {"objects": {"wedge": {"digest": digest}}}
+        return replace(
+            base, config=base.config | {"shapes": ["wedge.stl"]}, about=base.about | {"scan": scan}
+        )
+
+    compare(run_of("a" * 64), run_of("a" * 64))
+    with pytest.raises(InputError, match="wedge is of another shape"):
+        compare(run_of("a" * 64), run_of("b" * 64))
