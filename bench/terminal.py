@@ -24,10 +24,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from tactsim.bench import paper
 from tactsim.bench.config import RunConfig
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, load, picture_names
+from tactsim.bench.runs import paper
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
 

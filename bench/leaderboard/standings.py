@@ -21,9 +21,9 @@ from tactsim.bench.leaderboard.ranking import (
     compare_errors,
     ranks,
 )
-from tactsim.bench.paper import PRINTED, Printed
 from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
+from tactsim.bench.runs.paper import PRINTED, Printed
 from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, Scored, recognition_seconds

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.bench import paper
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
 from tactsim.bench.report.outlines import drawing, map_outline, taxel_size
 from tactsim.bench.report.pareto import has_curves, machine_line, points
 from tactsim.bench.report.recognition import Recognition, Replayed
+from tactsim.bench.runs import paper
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.core.errors import counted
 from tactsim.estimators.filters.grid import TABLE_I

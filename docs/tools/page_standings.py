@@ -19,7 +19,7 @@ from page_blocks import exit_status, fill_blocks, fill_page
 
 from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
-from tactsim.bench.paper import Printed
+from tactsim.bench.runs.paper import Printed
 from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError

@@ -21,7 +21,6 @@ from small_runs import make_run_in
 import tactsim
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
-from tactsim.bench.paper import in_figure
 from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.collect import find
@@ -31,6 +30,7 @@ from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, pareto_figure, readings_figure
 from tactsim.bench.report.write import write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
+from tactsim.bench.runs.paper import in_figure
 from tactsim.bench.runs.pooled import collect, figure_of, pool
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.terminal import headline
