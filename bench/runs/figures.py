@@ -135,7 +135,7 @@ def over_readings(axes: Axes, readings: int) -> None:
     """Let the axis along run over the readings of a trial, which are whole."""
     axes.set(xlim=(1, max(2, readings)), xlabel="readings seen")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # there are no half readings
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))  # no half readings
 
 
 def outlines_figure(letters: Sequence[Letter]) -> Picture:

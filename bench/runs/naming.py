@@ -61,7 +61,9 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
         other |= _differing(flat(run.about["scan"].get("options", {})), standard)
         if other.get("shapes"):
             other["shapes"] = _in_folder(other["shapes"])
-            other = {name: value for name, value in other.items() if name != "letters" or value}
+            other = {
+                name: value for name, value in other.items() if name not in ("letters", "objects") or value
+            }
         if other.get("seed") == config["seed"]:
             del other["seed"]
     elif config.get("letters"):

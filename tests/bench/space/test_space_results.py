@@ -1,12 +1,13 @@
 """The folder of a run in space: what was written is read back, and what is damaged is refused."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from made_up_space import make_space_run
 
 from tactsim.bench.results import load
+from tactsim.bench.runs.naming import task_name
 from tactsim.bench.trials import SpaceTrials
 from tactsim.core import InputError
 
@@ -42,3 +43,10 @@ def test_a_folder_that_is_not_whole_is_refused_in_one_line(folder, missing):
     with pytest.raises(InputError, match="not a whole run") as refusal:
         load(folder)
     assert "\n" not in str(refusal.value)
+
+
+def test_own_meshes_alone_are_called_by_their_files():
+    run = make_space_run()
+    scan = {"options": {"objects": [], "shapes": ["parts/plate.stl"]}}
+    run = replace(run, about=run.about | {"scan": scan})
+    assert task_name(run) == "shapes parts/plate.stl"
