@@ -7,6 +7,7 @@ the rest of `tactsim`, which it imports when it runs, so that `bench --help` ans
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -16,6 +17,8 @@ INTERRUPTED, NOBODY_READS = 130, 141  # as a shell says of a command that SIGINT
 
 def main() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
+    # A scheduler or a container ends it as Ctrl-C does: frames are kept, and nothing is left half-written.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:  # importing takes long enough to be interrupted
         from tactsim.bench.cli.app import run_app
 

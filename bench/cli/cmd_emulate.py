@@ -213,23 +213,16 @@ def _wanted(
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:
-    import signal
-
     from tactsim.hardware.emulator import serve_pty, serve_tcp
-
-    def ready(name: str) -> None:
-        # Ended by a program it ends as by Ctrl-C, so that no link to a pty that is gone stays behind.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        typer.echo(name)
 
     kind, _, place = port.partition(":")
     if kind == "pty":
-        serve_pty(emulated, faults, rng, link=Path(place) if place else None, ready=ready)
+        serve_pty(emulated, faults, rng, link=Path(place) if place else None, ready=typer.echo)
     elif kind == "tcp":
         host, _, word = place.rpartition(":")
         number = whole_number(word) if place else 0
         if number is None:
             raise InputError(f"--port {port!r}: write it as tcp:[HOST:]PORT")
-        serve_tcp(emulated, faults, rng, host=host or "127.0.0.1", port=number, ready=ready)
+        serve_tcp(emulated, faults, rng, host=host or "127.0.0.1", port=number, ready=typer.echo)
     else:
         raise InputError(f"--port {port!r}: say pty, pty:LINK, tcp or tcp:[HOST:]PORT")

@@ -246,16 +246,20 @@ def test_a_scan_whose_objects_make_no_sense_is_refused_by_its_name_before_the_wo
 
 
 @pytest.mark.long
-def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path):
-    process = Bench(tmp_path).start("run", "--trials", "1000", "--letters", "I", "--out", "here")
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path, ended_by, jobs):
+    words = ("run", "--trials", "1000", "--letters", "I", "--out", "here", "--jobs", jobs)
+    process = Bench(tmp_path).start(*words)
     while not any((tmp_path / "cache").rglob("*.readings")):  # all is pressed: it is at its trials
         assert process.poll() is None, process.communicate()
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(ended_by)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "interrupted" in errors
     assert "Traceback" not in errors
+    assert "leaked" not in errors
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
