@@ -172,11 +172,13 @@ def _compared(
     fault = improbable(trials, other, seeds, objects, rng)
     if fault is not None:
         return False, False, f"{fault}; {' and '.join(excuses)}"
+    answers = (trials.label == other.label).all(axis=1) & (trials.pose == other.pose).all(axis=(1, 2))
     return (
         True,
         False,
-        f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, and all "
-        f"together are within what chance allows; that is all one can ask, because {' and '.join(excuses)}",
+        f"{np.count_nonzero(same)} of {len(same)} trials that were done again are the same to the bit, "
+        f"{np.count_nonzero(answers)} name the same labels at the same places, and all together are within what chance "
+        f"allows; that is all one can ask, because {' and '.join(excuses)}",
     )
 
 

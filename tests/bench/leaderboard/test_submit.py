@@ -146,6 +146,15 @@ def test_what_is_not_reproducible_must_say_so(bundle_of, here, folder):
     assert read_record(path).exact is False
 
 
+@pytest.mark.long
+def test_answers_that_are_the_same_in_other_bits_are_counted(bundle_of, here, folder):
+    path = bundle_of("nearest")
+    bundle = read_bundle(path)
+    write_bundle(replace(bundle, reproducible=False, digests=bundle.digests + 1), path)
+    said = " ".join(verified(here("verify", path, "--full")).split())
+    assert "0 of 40 trials that were done again are the same to the bit, 40 name the same labels" in said
+
+
 def rewritten(path, change):
     """Change the trials of each run and their digests, as somebody does who knows how."""
     bundle = read_bundle(path)
