@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators import Estimate, Estimator, create
@@ -17,11 +17,15 @@ from tactsim.estimators.contract.bars import BarForward, fit, make_scan, paper_p
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.cells import bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid
+from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.occupancy import learn_maps
+from tactsim.estimators.options import LikelihoodOptions
 
 __all__ = [
-    "BarForward", "draw_trial", "field_of", "fit", "fitted", "follow", "make_scan", "of_all_bins", "paper_poses",
-    "placement_error", "pressures", "quick_first", "scores", "square_pad",
+    "BarForward", "draw_trial", "field_of", "fit", "fitted", "fitted_anew", "follow", "make_scan", "model_of",
+    "of_all_bins", "paper_poses", "placement_error", "pressures", "quick_first", "scores", "square_pad", "started",
+    "two_taxel_scan",
 ]  # fmt: skip
 
 
@@ -59,8 +63,20 @@ def quick_first(names: Iterable[str]) -> list[Any]:
 
 @lru_cache(maxsize=64)
 def _fitted(name: str, options: tuple[tuple[str, object], ...], known: _Known) -> Estimator:
-    estimator = create(name, **dict(options))
-    fit(estimator, known.scan)
+    return fitted_anew(name, known.scan, **dict(options))
+
+
+def fitted_anew(name: str, scan: Scan, **options: object) -> Estimator:
+    """Give an estimator of the test's own that has learned a scan."""
+    estimator = create(name, **options)
+    fit(estimator, scan)
+    return estimator
+
+
+def started(name: str, scan: Scan, **options: object) -> Estimator:
+    """Give an estimator of the test's own that has learned a scan and waits for the first reading."""
+    estimator = fitted_anew(name, scan, **options)
+    estimator.reset(np.random.default_rng(0))
     return estimator
 
 
@@ -89,6 +105,21 @@ def draw_trial(
     truth = np.array([*rng.uniform(-10, 10, 2), rng.uniform(-np.pi, np.pi)])
     chosen = rng.permutation(len(mine))[:count]
     return mine.readings[chosen], compose(invert(truth), mine.poses[chosen]), truth
+
+
+def two_taxel_scan(readings: ArrayLike, labels: ArrayLike, poses: ArrayLike | None = None) -> Scan:
+    """Give training readings (n, 2) kPa of a pad of two taxels, felt at poses (n, 3) or all at one."""
+    count = len(readings)
+    taxels = np.array([[0.0, 0.0], [1.0, 0.0]])
+    at = np.zeros((count, 3)) if poses is None else poses
+    return Scan(np.array(readings, float), at, np.array(labels), np.full(count, "train"), taxels)
+
+
+def model_of(kind: str, scan: Scan, **options: object) -> Likelihood:
+    """Give a measurement model of a kind that has learned a scan."""
+    made = likelihood.create(LikelihoodOptions(likelihood=kind, **options))
+    made.fit(scan, learn_maps(scan))
+    return made
 
 
 def field_of(model: tuple[Likelihood, Scan], grid: StateGrid, finest: float = 0.4) -> LikelihoodField:

@@ -1,13 +1,14 @@
 """What is refused before it costs memory, hours or a NaN."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
 
 from tactsim import estimators
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 
 
@@ -31,7 +32,7 @@ def test_poses_that_would_need_an_enormous_map_are_refused(far):
     poses[0, :2] = far
     tracemalloc.start()
     with pytest.raises(InputError, match=r"training poses span .* more than 50,000,000 cells"):
-        learn_maps(Scan(scan.readings, poses, scan.labels, scan.split, scan.taxel_xy))
+        learn_maps(replace(scan, poses=poses))
     assert tracemalloc.get_traced_memory()[1] < 10e6
     tracemalloc.stop()
 
@@ -40,10 +41,7 @@ def test_maps_of_many_readings_are_learned_in_pieces_that_fit_memory():
     scan = make_scan("I", poses=paper_poses(4, 3))
     once = learn_maps(scan, sigma=5.0)["I"].log_odds
     times = 4  # an array with all that 6912 taxels stamp would take 500 MB
-    many = Scan(
-        np.tile(scan.readings, (times, 1)), np.tile(scan.poses, (times, 1)), np.tile(scan.labels, times),
-        np.tile(scan.split, times), scan.taxel_xy,
-    )  # fmt: skip
+    many = scan.chosen(np.tile(np.arange(len(scan)), times))
     start = np.log(0.2 / 0.8)
     tracemalloc.start()
     again = learn_maps(many, sigma=5.0)["I"].log_odds

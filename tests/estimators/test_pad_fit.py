@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import make_scan, paper_poses
+from synthetic import fitted_anew, make_scan, paper_poses, started
 
-from tactsim import estimators
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.likelihoods.contact_information import mutual_information, pressure_information
@@ -45,8 +44,7 @@ def changed(scan: Scan, unit: float = 1.0, length: float = 1.0, order: np.ndarra
 
 def believed(name: str, scan: Scan, length: float = 1.0):
     """Feel five test readings of a hidden letter; the last estimate with its pose in mm of the unchanged scan."""
-    estimator = estimators.create(name, fit="auto", **SMALL[name])
-    estimator.fit(scan)
+    estimator = fitted_anew(name, scan, fit="auto", **SMALL[name])
     estimator.reset(np.random.default_rng(3))
     test = scan.where("test", "E")
     chosen = np.random.default_rng(1).permutation(len(test))[:5]
@@ -149,9 +147,7 @@ BAD = {
 @pytest.mark.parametrize("name", ["refined", "force-mosaic"])
 def test_little_to_learn_from_breaks_nothing(scan, name, what):
     bad = BAD[what](scan)
-    estimator = estimators.create(name, fit="auto", bins=100, cells=5)
-    estimator.fit(bad)
-    estimator.reset(np.random.default_rng(0))
+    estimator = started(name, bad, fit="auto", bins=100, cells=5)
     estimator.update(bad.readings[0], bad.poses[0])
     assert sum(estimator.estimate().probabilities.values()) == pytest.approx(1)
 

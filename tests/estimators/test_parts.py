@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, follow, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.estimators import create
 from tactsim.estimators.registry import load
@@ -22,8 +22,7 @@ def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan
     ours = replace(
         scan, readings=scan.readings / 1000, poses=scan.poses * [2, 2, 1], taxel_xy=2 * scan.taxel_xy
     )
-    fitted = create("refined", fit="auto", unknown=0.2, **SMALL)
-    fitted.fit(ours)
+    fitted = fitted_anew("refined", ours, fit="auto", unknown=0.2, **SMALL)
     units = fitted.pad_fit.units
     back = [units.length, units.length, 1]
     assert back == pytest.approx([2, 2, 1])
@@ -51,8 +50,7 @@ def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan
 def test_a_filter_without_a_letter_leaves_the_sequence_of_the_whole_alone(scan, name):
     """A sequence of the whole filter with one of the copy in between, against one that nothing came between."""
     budget = {"particles": 300} if load(name).budget == "particles" else {"bins": 500}
-    whole = create(name, cell=0.8, **budget)
-    whole.fit(scan)
+    whole = fitted_anew(name, scan, cell=0.8, **budget)
     drawn = [draw_trial(scan, label, 6, np.random.default_rng(4)) for label in "EL"]
     # Readings that contradict the first ones: random particles are injected then.
     readings, poses = (np.concatenate([trial[k][:4] for trial in drawn]) for k in (0, 1))

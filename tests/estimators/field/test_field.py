@@ -5,13 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from synthetic import make_scan, paper_poses
+from synthetic import make_scan, model_of, paper_poses, started
 
-from tactsim import estimators
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +17,7 @@ def scan():
 
 @pytest.fixture(scope="module", params=["paper", "calibrated", "force"])
 def model(request, scan):
-    made = likelihood.create(LikelihoodOptions(likelihood=request.param))
-    made.fit(scan, learn_maps(scan))
-    return made
+    return model_of(request.param, scan)
 
 
 def begun(model, scan, readings, spacing=(0.4, 0.4)):
@@ -113,9 +107,7 @@ def test_a_likelihood_that_names_what_does_not_exist_is_stopped(model, scan, nam
 
 @pytest.mark.parametrize("name", ["histogram", "particle"])
 def test_no_state_is_above_the_upper_bound(name, scan):
-    filter = estimators.create(name)
-    filter.fit(scan)
-    filter.reset(np.random.default_rng(0))
+    filter = started(name, scan)
     for k in range(6):
         filter.update(scan.readings[7 * k], scan.poses[7 * k])
     state = np.random.default_rng(1).uniform(-10, 10, (3, 5000))

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import CHEAPER, draw_trial, fitted, quick_first
+from synthetic import CHEAPER, draw_trial, fitted, model_of, quick_first
 
 from tactsim.core import compose, transform
 from tactsim.estimators.filters.active_touch import Planner, foresee
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
-from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
 from tactsim.estimators.registry import BUILT_IN, load
 
 FILTERS = [name for name in BUILT_IN if issubclass(load(name), MapFilter)]
@@ -42,9 +40,7 @@ def test_proposing_changes_no_estimate_and_depends_on_the_seed_alone(name, scan)
 
 @pytest.fixture(scope="module")
 def model(scan):
-    model = CalibratedLikelihood(LikelihoodOptions())
-    model.fit(scan, learn_maps(scan))
-    return model
+    return model_of("calibrated", scan)
 
 
 @pytest.fixture(scope="module")

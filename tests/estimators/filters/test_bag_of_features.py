@@ -2,26 +2,7 @@
 
 import numpy as np
 import pytest
-
-from tactsim import estimators
-from tactsim.core import Scan
-
-
-def scan_of(readings, labels):
-    """A scan of training readings (n, 2) kPa."""
-    readings = np.asarray(readings, float)
-    return Scan(
-        readings, np.zeros((len(readings), 3)), np.array(labels), np.full(len(readings), "train"),
-        np.array([[0.0, 0.0], [1.0, 0.0]]),
-    )  # fmt: skip
-
-
-def started(scan, **options):
-    estimator = estimators.create("bag-of-features", **options)
-    estimator.fit(scan)
-    estimator.reset(np.random.default_rng(0))
-    return estimator
-
+from synthetic import started, two_taxel_scan
 
 GROUPS = np.array([[0, 0], [50, 0], [50, 60]])
 
@@ -31,19 +12,19 @@ def clustered():
     rng = np.random.default_rng(3)
     which = np.repeat([0, 1, 2, 0, 1, 2], [6, 3, 1, 1, 1, 3])
     labels = np.repeat(["A", "B"], [10, 5])
-    return scan_of(GROUPS[which] + rng.normal(0, 0.5, (15, 2)), labels), which, labels
+    return two_taxel_scan(GROUPS[which] + rng.normal(0, 0.5, (15, 2)), labels), which, labels
 
 
 def test_the_words_are_the_means_of_what_is_alike():
     scan, which, _ = clustered()
-    words = started(scan, words=3).words
+    words = started("bag-of-features", scan, words=3).words
     expected = np.array([scan.readings[which == group].mean(axis=0) for group in range(3)])
     order = np.lexsort(words.T[::-1])
     assert words[order] == pytest.approx(expected)
 
 
 def test_probabilities_are_products_of_shares_counted_by_hand():
-    estimator = started(clustered()[0], words=3)
+    estimator = started("bag-of-features", clustered()[0], words=3)
     shares = {"A": (np.array([6, 3, 1]) + 0.5) / 11.5, "B": (np.array([1, 1, 3]) + 0.5) / 6.5}
     product = dict.fromkeys("AB", 1.0)
     for group in (2, 0, 2, 1):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import field_of, make_scan, of_all_bins, paper_poses
+from synthetic import field_of, make_scan, model_of, of_all_bins, paper_poses
 
 from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.filters.binned import BinnedBelief
@@ -37,9 +37,7 @@ def model(request):
 def plain():
     """Give the paper's likelihood, whose table of what is not known says nothing."""
     scan = make_scan("EI", poses=paper_poses(3, 4))
-    made = likelihood.create(LikelihoodOptions())
-    made.fit(scan, learn_maps(scan))
-    return made, scan
+    return model_of("paper", scan), scan
 
 
 def waits(belief, field, grid):

@@ -3,9 +3,7 @@ import math
 import numpy as np
 import pytest
 import reference
-from synthetic import draw_trial, make_scan, paper_poses, scores, square_pad
-
-from tactsim import estimators
+from synthetic import draw_trial, fitted_anew, make_scan, paper_poses, scores, square_pad
 
 COARSE = paper_poses(positions=3, angles=4)
 
@@ -40,8 +38,7 @@ def summary(fitted, table):
 )
 def test_belief_is_the_joint_table_by_brute_force(split, skip, pad):
     scan = make_scan("EI", square_pad(*pad), COARSE)
-    filter = estimators.create("histogram", split=split, skip=skip)
-    filter.fit(scan)
+    filter = fitted_anew("histogram", scan, split=split, skip=skip)
     rng = np.random.default_rng(3)
     readings, poses, _ = draw_trial(scan, "E", 3, rng)
     filter.reset(rng)
@@ -68,8 +65,7 @@ def test_finer_tables_approach_equation_7_with_interpolated_log_odds():
     readings, poses, _ = draw_trial(scan, "E", 4, rng)
     errors = []
     for split in ("25x25x1", "100x100x1"):  # table steps of 0.4 and 0.2 mm, both dividing the map cell
-        filter = estimators.create("histogram", split=split, cell=0.8)
-        filter.fit(scan)
+        filter = fitted_anew("histogram", scan, split=split, cell=0.8)
         x, y, angle = filter.grid.centres
         gaps = []
         for reading, pose in zip(readings, poses, strict=True):
@@ -93,8 +89,7 @@ def test_finer_tables_approach_equation_7_with_interpolated_log_odds():
     ],
 )
 def test_500_trials_reach_what_an_independent_implementation_reached(vowels, bins, accuracy, error):
-    filter = estimators.create("histogram", bins=bins)
-    filter.fit(vowels)
+    filter = fitted_anew("histogram", vowels, bins=bins)
     right, off = scores(vowels, filter, trials=100, last=max(*accuracy, *error))
     for count, share in accuracy.items():
         assert right[:, count - 1].mean() >= share

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from synthetic import follow, make_scan, paper_poses
+from synthetic import fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.core import invert
-from tactsim.estimators import create
 from tactsim.estimators.filters.jackknife import influence, influence_at, influence_in_sequences
 from tactsim.estimators.filters.trust_learning import sums_of_readings
 
@@ -31,8 +30,7 @@ def test_it_is_the_squared_covariance_of_place_and_log_p_in_units_of_the_varianc
 
 def test_at_states_it_is_that_of_what_the_field_says_there():
     scan = make_scan("EL", poses=paper_poses(3, 6))
-    estimator = create("refined", bins=500, cell=0.8)
-    estimator.fit(scan)
+    estimator = fitted_anew("refined", scan, bins=500, cell=0.8)
     test = scan.where("test", "L")
     follow(estimator, test.readings[:6], test.poses[:6])
     field = estimator.field

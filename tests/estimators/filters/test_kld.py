@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from synthetic import draw_trial
+from synthetic import draw_trial, fitted_anew
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -47,8 +47,7 @@ def particles(filter, readings, poses):
 
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
 def test_there_are_as_many_particles_as_their_bins_call_for(name, scan):
-    filter = estimators.create(name, particles=6000, min_particles=40, kld_error=0.3)
-    filter.fit(scan)
+    filter = fitted_anew(name, scan, particles=6000, min_particles=40, kld_error=0.3)
     readings, poses, _ = draw_trial(scan, "E", 10, np.random.default_rng(4))
     counts = list(particles(filter, readings, poses))
     assert counts[0][0] == 6000
@@ -63,8 +62,7 @@ def test_there_are_as_many_particles_as_their_bins_call_for(name, scan):
 def test_bounds_on_the_number_are_kept(scan):
     readings, poses, _ = draw_trial(scan, "E", 4, np.random.default_rng(4))
     for error, most, least, number in ((10.0, 2000, 700, 700), (1e-6, 900, 500, 900)):
-        filter = estimators.create("particle", particles=most, min_particles=least, kld_error=error)
-        filter.fit(scan)
+        filter = fitted_anew("particle", scan, particles=most, min_particles=least, kld_error=error)
         assert {count for count, _ in list(particles(filter, readings, poses))[1:]} == {number}
     with pytest.raises(InputError, match="min_particles 500 is above particles 100"):
         estimators.create("particle", particles=100, kld_error=0.05)

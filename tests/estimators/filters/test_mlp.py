@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -22,9 +22,7 @@ def scan():
 
 @pytest.fixture(scope="module")
 def learned(scan):
-    estimator = estimators.create("mlp", **OPTIONS)
-    estimator.fit(scan)
-    return estimator
+    return fitted_anew("mlp", scan, **OPTIONS)
 
 
 def named(estimator, readings):
@@ -34,12 +32,9 @@ def named(estimator, readings):
 
 @pytest.mark.long
 def test_a_sequence_is_the_product_of_its_readings_at_the_temperature(learned, scan):
-    learned.reset(np.random.default_rng(0))
     readings, poses, _ = draw_trial(scan, "L", 5, np.random.default_rng(1))
-    for reading, pose in zip(readings, poses, strict=True):
-        learned.update(reading, pose)
+    said = follow(learned, readings, poses)[-1]
     product = np.exp(named(learned, readings) / learned.temperature).prod(axis=0)
-    said = learned.estimate()
     assert list(said.probabilities.values()) == pytest.approx(product / product.sum())
     assert said.robot_in_object.tolist() == [0, 0, 0]
 

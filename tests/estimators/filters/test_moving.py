@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import fitted, follow, make_scan, paper_poses
+from synthetic import fitted, fitted_anew, follow, make_scan, paper_poses, started
 
 from tactsim.bench.config import Slip
 from tactsim.core import InputError, compose, invert
@@ -62,8 +62,7 @@ def test_every_filter_follows_an_object_that_walks_away(two, name):
     readings, poses, true = sequence(two, "E", 14, slip)
     off = []
     for motion in ("off", "0.8,0.01", "auto"):
-        estimator = create(name, **(MAP_FILTERS[name] | {"likelihood": "calibrated"}), motion=motion)
-        estimator.fit(two)
+        estimator = fitted_anew(name, two, **MAP_FILTERS[name], likelihood="calibrated", motion=motion)
         last = follow(estimator, readings, poses)[-1]
         assert last.label == "E"
         assert sum(last.probabilities.values()) == pytest.approx(1)
@@ -140,8 +139,7 @@ def test_a_jump_is_found_again(small):
     test = small.where("test", "L")
     order = np.random.default_rng(0).permutation(len(test))[:12]
     readings, poses = test.readings[order], compose(invert(moved), test.poses[order])
-    estimator = create("refined", motion="auto")
-    estimator.fit(small)
+    estimator = fitted_anew("refined", small, motion="auto")
     last = follow(estimator, readings, poses)[-1]
     assert np.hypot(*(invert(last.robot_in_object) - invert(moved[-1]))[:2]) < 1
 
@@ -150,8 +148,7 @@ def test_a_jump_is_found_again(small):
 def test_a_moving_object_is_not_taken_for_an_unknown_one(small):
     slip, said = Slip(walk_mm=0.7, walk_rad=0.03), []
     for motion in ("off", "0.7,0.03"):
-        estimator = create("refined", bins=1000, cell=0.8, unknown=0.3, motion=motion)
-        estimator.fit(small)
+        estimator = fitted_anew("refined", small, bins=1000, cell=0.8, unknown=0.3, motion=motion)
         unknown = []
         for letter, seed in product("ELT", range(2)):
             readings, poses, _ = sequence(small, letter, 10, slip, seed)
@@ -176,9 +173,7 @@ def test_the_path_of_an_object_is_where_it_was_at_each_touch(two):
 
 def test_bins_that_move_are_the_forward_algorithm_over_a_table_of_all_bins(small):
     """A hidden Markov model's forward algorithm (Rabiner 1989), with the transition matrix written out."""
-    estimator = create("histogram", split="4x3x6", motion="2,0.3")
-    estimator.fit(small)
-    estimator.reset(np.random.default_rng(0))
+    estimator = started("histogram", small, split="4x3x6", motion="2,0.3")
     motion, grid = parse_motion("2,0.3"), estimator.grid
     dx, dy, da = grid.spacing
     along = 2**2 + 0.3**2 * grid.reach**2 / 3

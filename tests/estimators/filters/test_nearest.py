@@ -3,32 +3,16 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from synthetic import started, two_taxel_scan
 
-from tactsim import estimators
-from tactsim.core import Scan, compose, invert
-
-
-def scan_of(readings, labels, poses=None):
-    """A scan of training readings (n, 2) kPa."""
-    readings = np.asarray(readings, float)
-    poses = np.zeros((len(readings), 3)) if poses is None else np.asarray(poses, float)
-    return Scan(
-        readings, poses, np.array(labels), np.full(len(readings), "train"), np.array([[0.0, 0.0], [1.0, 0.0]])
-    )
-
-
-def started(scan, **options):
-    estimator = estimators.create("nearest", **options)
-    estimator.fit(scan)
-    estimator.reset(np.random.default_rng(0))
-    return estimator
+from tactsim.core import compose, invert
 
 
 def test_probabilities_are_those_of_kernels_summed_by_hand():
     rng = np.random.default_rng(1)
     readings = rng.uniform(0, 9, (7, 2))
     labels = np.array(["B", "A", "C", "A", "B", "A", "A"])  # of unequal numbers
-    estimator = started(scan_of(readings, labels), width=2.5)
+    estimator = started("nearest", two_taxel_scan(readings, labels), width=2.5)
     expected = dict.fromkeys("ABC", 1.0)
     for reading in rng.uniform(0, 9, (4, 2)):
         estimator.update(reading, [0, 0, 0])
@@ -42,15 +26,15 @@ def test_probabilities_are_those_of_kernels_summed_by_hand():
 
 
 def test_the_width_is_the_rms_distance_to_the_nearest_other_of_the_letter():
-    scan = scan_of([[0, 0], [3, 4], [0, 1], [100, 100], [100, 102]], list("AAABB"))
+    scan = two_taxel_scan([[0, 0], [3, 4], [0, 1], [100, 100], [100, 102]], list("AAABB"))
     # squared distances to the nearest: A 1, 18, 1; B 4, 4; of two taxels
-    assert started(scan).width == pytest.approx(np.sqrt((1 + 18 + 1 + 4 + 4) / 5 / 2))
-    assert started(scan, width=7.0).width == 7.0
+    assert started("nearest", scan).width == pytest.approx(np.sqrt((1 + 18 + 1 + 4 + 4) / 5 / 2))
+    assert started("nearest", scan, width=7.0).width == 7.0
 
 
 def test_a_reading_beside_the_letter_does_not_say_where():
-    scan = scan_of([[50, 20], [0, 0.2]], ["A", "A"], [[1, 2, 0.3], [9, 9, 0]])
-    estimator = started(scan)
+    scan = two_taxel_scan([[50, 20], [0, 0.2]], ["A", "A"], [[1, 2, 0.3], [9, 9, 0]])
+    estimator = started("nearest", scan)
     estimator.update([50, 21], [4, 0, 0])
     before = estimator.estimate().robot_in_object
     assert before == pytest.approx(compose([1, 2, 0.3], invert([4, 0, 0])))

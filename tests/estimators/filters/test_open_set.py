@@ -2,13 +2,14 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from synthetic import draw_trial, follow, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.core import InputError, Scan
 from tactsim.estimators import NONE, create
@@ -95,8 +96,7 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan, s
 def test_without_the_option_nothing_differs(scan):
     answers = []
     for unknown in (0, 1e-3):
-        estimator = create("tempered", unknown=unknown, particles=800)
-        estimator.fit(scan)
+        estimator = fitted_anew("tempered", scan, unknown=unknown, particles=800)
         answers.append(follow(estimator, *draw_trial(scan, "I", 4, np.random.default_rng(2))[:2], 1)[-1])
     closed, opened = answers
     assert NONE not in closed.probabilities
@@ -107,10 +107,7 @@ def test_without_the_option_nothing_differs(scan):
 
 
 def test_a_letter_of_that_name_is_refused(scan):
-    named = Scan(
-        scan.readings, scan.poses, np.where(scan.labels == "E", NONE, scan.labels.astype("U4")), scan.split,
-        scan.taxel_xy,
-    )  # fmt: skip
+    named = replace(scan, labels=np.where(scan.labels == "E", NONE, scan.labels.astype("U4")))
     with pytest.raises(InputError, match="'none'"):
         create("tempered", unknown=0.1, particles=10).fit(named)
     create("tempered", particles=10).fit(named)

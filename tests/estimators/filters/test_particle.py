@@ -4,17 +4,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from synthetic import draw_trial
+from synthetic import draw_trial, fitted_anew, started
 
-from tactsim import estimators
 from tactsim.estimators.filters.particle_kernels import draw, move
 
 
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
 def test_a_reach_of_a_metre_takes_no_more_memory_than_particles_do(name, scan):
-    filter = estimators.create(name, particles=300, reach=1000.0)
-    filter.fit(scan)
-    filter.reset(np.random.default_rng(0))
+    filter = started(name, scan, particles=300, reach=1000.0)
     tracemalloc.start()
     for _ in range(2):
         filter.update(np.zeros(36), [500.0, 0, 0])
@@ -27,9 +24,7 @@ def test_a_reach_of_a_metre_takes_no_more_memory_than_particles_do(name, scan):
 @pytest.mark.parametrize("name", ["particle", "augmented-mcl"])
 def test_weights_survive_what_no_particle_explains(name, scan):
     # exp of these log-likelihoods is zero for every particle: 36 taxels with p of 1e-300 each.
-    filter = estimators.create(name, particles=50, gamma=1e-300)
-    filter.fit(scan)
-    filter.reset(np.random.default_rng(0))
+    filter = started(name, scan, particles=50, gamma=1e-300)
     everywhere = np.full(36, 50.0)
     for k in range(20):
         filter.update(everywhere, [30.0 * (k % 2), 0, 0])
@@ -39,8 +34,7 @@ def test_weights_survive_what_no_particle_explains(name, scan):
 
 
 def test_injection_follows_the_fall_of_the_weights(scan):
-    filter = estimators.create("augmented-mcl", particles=1000, alpha_slow=0.1, alpha_fast=0.9)
-    filter.fit(scan)
+    filter = fitted_anew("augmented-mcl", scan, particles=1000, alpha_slow=0.1, alpha_fast=0.9)
     rng = np.random.default_rng(0)
     filter.reset(rng)
     readings, poses, _ = draw_trial(scan, "E", 12, rng)
@@ -53,9 +47,7 @@ def test_injection_follows_the_fall_of_the_weights(scan):
 
 
 def test_estimates_stay_as_they_were_when_the_filter_goes_on(scan):
-    filter = estimators.create("particle", particles=500)
-    filter.fit(scan)
-    filter.reset(np.random.default_rng(0))
+    filter = started("particle", scan, particles=500)
     filter.update(scan.readings[0], scan.poses[0])
     first = filter.estimate().samples
     poses, weights = first.poses.copy(), first.weights.copy()

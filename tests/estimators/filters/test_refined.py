@@ -1,11 +1,12 @@
 """The coarse-to-fine filter against brute force, against itself without skipping, and on hidden letters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import reference
-from synthetic import draw_trial, make_scan, paper_poses, scores
+from synthetic import draw_trial, fitted_anew, make_scan, paper_poses, scores
 
-from tactsim import estimators
 from tactsim.core import Scan
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.refined import RefinedFilter, RefinedOptions
@@ -18,12 +19,6 @@ LETTERS = "EIL"
 @pytest.fixture(scope="module")
 def small() -> Scan:
     return make_scan(LETTERS, poses=paper_poses(positions=4, angles=12))
-
-
-def fitted(scan, **options):
-    estimator = estimators.create("refined", **options)
-    estimator.fit(scan)
-    return estimator
 
 
 def updated(estimator, readings, poses):
@@ -54,17 +49,15 @@ def middles(estimator, halvings):
 
 @pytest.mark.long
 def test_bins_are_as_wide_where_a_far_robot_may_be_anywhere_on_a_large_object(small):
-    large = Scan(
-        small.readings, small.poses * [8, 8, 1], small.labels, small.split, small.taxel_xy, dict(small.meta)
-    )
-    estimator = fitted(large, bins=200)
+    large = replace(small, poses=small.poses * [8, 8, 1])
+    estimator = fitted_anew("refined", large, bins=200)
     near = estimator.grid
     updated(estimator, large.readings[:1], large.poses[:1])
     assert estimator.grid == near
     updated(estimator, large.readings[:1], large.poses[:1] + [1000, 0, 0])
     assert estimator.grid.reach > 3 * near.reach
     assert estimator.grid.spacing[0] == pytest.approx(near.spacing[0], rel=0.1)
-    assert fitted(large, split="5x5x4").grid.bins == 100
+    assert fitted_anew("refined", large, split="5x5x4").grid.bins == 100
     updated(estimator, large.readings[:1], large.poses[:1])
     assert estimator.grid == near
 
@@ -72,7 +65,7 @@ def test_bins_are_as_wide_where_a_far_robot_may_be_anywhere_on_a_large_object(sm
 @pytest.mark.parametrize("halvings", [1, 2])
 def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halvings):
     scan = make_scan("EI", poses=COARSE)
-    estimator = fitted(scan, split="2x3x2", halvings=halvings, cells=1000, likelihood="paper")
+    estimator = fitted_anew("refined", scan, split="2x3x2", halvings=halvings, cells=1000, likelihood="paper")
     readings, poses, _ = draw_trial(scan, "E", 2, np.random.default_rng(3))
     updated(estimator, readings, poses)
     states = middles(estimator, halvings)
@@ -93,7 +86,7 @@ def test_with_every_cell_halved_the_belief_is_the_dense_grid_by_brute_force(halv
 @pytest.mark.parametrize(("test_poses", "most"), [("same", 0.20), ("random", 0.30)])
 def test_500_trials_settle_early_and_are_placed_exactly(test_poses, most):
     scan = scan_letters(ScanOptions(test_poses=test_poses), cache=False)[0]
-    right, off = scores(scan, fitted(scan), trials=100, last=20)
+    right, off = scores(scan, fitted_anew("refined", scan), trials=100, last=20)
     assert right[:, 2:].all(axis=1).mean() >= 0.95  # settled by the third
     assert right[:, 4].mean() >= 0.99
     assert right[:, 9:].all()
@@ -118,7 +111,10 @@ def test_readings_that_disagree_about_the_place_count_less_than_readings_that_ag
 
 def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty(small):
     # E, I and L are known; T is felt, which is explained worse the more is felt of it.
-    estimator, whole = fitted(small, bins=2000), fitted(small, bins=2000, skip=False)
+    estimator, whole = (
+        fitted_anew("refined", small, bins=2000),
+        fitted_anew("refined", small, bins=2000, skip=False),
+    )
     unlike = make_scan("T", poses=paper_poses(positions=4, angles=12))
     unexplained, negligible = {"E": [], "T": []}, 0
     for seed in range(3):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -14,12 +14,6 @@ from tactsim.estimators.filters.grid import state_grid
 from tactsim.estimators.filters.scan_matching import pyramid
 
 LETTERS = "EIL"
-
-
-def made(scan, split, **options):
-    estimator = estimators.create("scan-matching", split=split, **options)
-    estimator.fit(scan)
-    return estimator
 
 
 def all_bins(split):
@@ -43,7 +37,7 @@ def brute_force(estimator, split):
     ],
 )
 def test_the_best_of_each_letter_is_that_of_all_bins(split, likelihood, scan):
-    estimator = made(scan, split, likelihood=likelihood)
+    estimator = fitted_anew("scan-matching", scan, split=split, likelihood=likelihood)
     for seed, label in enumerate(LETTERS):
         rng = np.random.default_rng(seed)
         estimator.reset(rng)
@@ -65,7 +59,7 @@ def test_the_best_of_each_letter_is_that_of_all_bins(split, likelihood, scan):
 
 def test_the_certificate_holds_for_every_bin_and_says_what_was_left_alone(scan):
     split = "40x40x12"
-    estimator = made(scan, split)
+    estimator = fitted_anew("scan-matching", scan, split=split)
     rng = np.random.default_rng(5)
     estimator.reset(rng)
     assert estimator.certificate().lead == np.inf
@@ -111,7 +105,7 @@ _SCAN = make_scan("EI", poses=paper_poses(3, 4))
 
 @cache
 def _bounded(split):
-    return made(_SCAN, split)
+    return fitted_anew("scan-matching", _SCAN, split=split)
 
 
 def test_an_object_that_moves_is_refused_in_one_line():

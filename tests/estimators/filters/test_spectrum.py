@@ -1,8 +1,10 @@
 """The spectrum: what it does not look at, and whole presses that it names wherever and however they lie."""
 
-import numpy as np
+from dataclasses import replace
 
-from tactsim import estimators
+import numpy as np
+from synthetic import fitted_anew
+
 from tactsim.core import Pad, Scan
 
 PAD = Pad(
@@ -39,12 +41,6 @@ def scan_of(rng, presses=12, unit=1.0):
     )  # fmt: skip
 
 
-def fitted(scan):
-    estimator = estimators.create("spectrum")
-    estimator.fit(scan)
-    return estimator
-
-
 def named(estimator, reading):
     estimator.reset(np.random.default_rng(0))
     estimator.update(reading, [0, 0, 0])
@@ -53,7 +49,7 @@ def named(estimator, reading):
 
 def test_objects_are_named_wherever_and_however_they_lie():
     scan = scan_of(np.random.default_rng(0), 24)
-    estimator, test = fitted(scan), scan.where("test")
+    estimator, test = fitted_anew("spectrum", scan), scan.where("test")
     answers = [named(estimator, reading) for reading in test.readings]
     assert [answer.label for answer in answers] == test.labels.tolist()
     assert all(answer.robot_in_object.tolist() == [0, 0, 0] for answer in answers)
@@ -63,10 +59,8 @@ def test_the_stated_probability_is_that_of_left_out_presses():
     """Labels that have nothing to do with the presses: no answer is sure, though training readings are separable."""
     rng = np.random.default_rng(3)
     scan = scan_of(rng, 40)
-    mixed = Scan(
-        scan.readings, scan.poses, rng.permutation(scan.labels), scan.split, scan.taxel_xy, presses=None
-    )  # fmt: skip
-    estimator = fitted(mixed)
+    mixed = replace(scan, labels=rng.permutation(scan.labels), presses=None)
+    estimator = fitted_anew("spectrum", mixed)
     sure = [max(named(estimator, reading).probabilities.values()) for reading in mixed.where("test").readings]
     assert estimator.temperature > 5
     assert np.mean(sure) < 0.6

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, follow, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 
-from tactsim import estimators
 from tactsim.core import Scan, transform
 from tactsim.estimators.filters.states import Weights
 
@@ -16,16 +15,10 @@ def scan():
     return make_scan(LETTERS, poses=paper_poses(positions=4, angles=12))
 
 
-def fitted(scan, **options):
-    estimator = estimators.create("tempered", **options)
-    estimator.fit(scan)
-    return estimator
-
-
 @pytest.mark.long
 def test_the_evidence_of_one_reading_is_the_mean_likelihood_over_the_prior(scan):
     # A classifier that often fails makes a likelihood without needles, which plain sampling can integrate.
-    estimator = fitted(scan, particles=30_000, likelihood="paper", gamma=0.8)
+    estimator = fitted_anew("tempered", scan, particles=30_000, likelihood="paper", gamma=0.8)
     readings, poses, *_ = draw_trial(scan, "E", 1, np.random.default_rng(3))
     ratios = []
     for seed in range(6):
@@ -59,7 +52,7 @@ def test_letters_that_are_alike_have_the_same_answers_to_the_bit(scan):
         np.concatenate([part.split for _, part in parts]),
         scan.taxel_xy,
     )
-    estimator = fitted(copies, particles=1200)
+    estimator = fitted_anew("tempered", copies, particles=1200)
     for seed in range(4):
         drawn = draw_trial(scan, LETTERS[seed % 2], 6, np.random.default_rng(seed))
         for estimate in follow(estimator, *drawn[:2], seed):

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import make_scan, paper_poses
+from synthetic import fitted_anew, make_scan, paper_poses
 
 from tactsim.core import compose
-from tactsim.estimators import create
 from tactsim.estimators.filters import trust_learning
-from tactsim.estimators.filters.trust_learning import images_count, learn_trust, mostly_held, sums_of_readings
+from tactsim.estimators.filters.trust_learning import images_count, learn_trust, mostly_held
 
 
 def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
@@ -113,8 +112,7 @@ def test_more_readings_never_say_less(own, growth, shared):
 
 def test_a_likelihood_that_cannot_leave_readings_out_counts_fully():
     scan = make_scan("EI", poses=paper_poses(3, 4))
-    estimator = create("refined", likelihood="paper", bins=500)
-    estimator.fit(scan)
+    estimator = fitted_anew("refined", scan, likelihood="paper", bins=500)
     assert learn_trust(estimator.likelihood, scan)(20) == 1
 
 
@@ -169,17 +167,6 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
         assert mostly_held(log_p, np.arange(40), weight, log_volume, along, share) == answers[-1]
         assert sorted(order) == list(range(40))
     assert 0 < np.mean(answers) < 1
-
-
-def test_readings_are_summed_and_mirrored_ones_with_every_move_the_other_way():
-    rng = np.random.default_rng(5)
-    log_p = rng.normal(size=(12, 20))
-    drawn = np.array([rng.permutation(12)[:5] for _ in range(30)])
-    mirrored = rng.integers(2, size=drawn.shape)
-    other_way = np.concatenate([log_p[:, 10:], log_p[:, :10]], axis=1)
-    for found, which, turned in zip(sums_of_readings(log_p, drawn, mirrored), drawn, mirrored, strict=True):
-        expected = sum((other_way if turned[k] else log_p)[which[k]] for k in range(5))
-        assert found == pytest.approx(expected)
 
 
 def test_one_sequence_of_training_in_twenty_is_badly_explained():

@@ -3,22 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from synthetic import make_scan, paper_poses
+from synthetic import make_scan, model_of, paper_poses
 
-from tactsim.core import Scan, transform
-from tactsim.estimators.likelihoods import likelihood
+from tactsim.core import transform
 from tactsim.estimators.likelihoods.calibrated import _blurred, steepness
 from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds
-from tactsim.estimators.options import LikelihoodOptions
-
-
-def fitted(scan, **options):
-    model = likelihood.create(LikelihoodOptions(likelihood="calibrated", **options))
-    model.fit(scan, learn_maps(scan))
-    return model
 
 
 def test_calibrate_counts_by_brute_force():
@@ -51,7 +43,7 @@ def test_any_number_of_bins_is_counted_however_narrow_the_classes_are(bins):
 
 def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     scan = make_scan("E", poses=paper_poses(3, 4)).where("train")
-    model = fitted(scan)
+    model = model_of("calibrated", scan)
     odds, classes, known = model.left_out("E", scan)
     assert np.array_equal(classes, classify(scan.readings))
     part = folds(scan)
@@ -60,10 +52,7 @@ def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     assert odds[~known] == pytest.approx(model.maps["E"].log_odds_at(at[~known]))
     for number in np.unique(part):
         mine, rest = part == number, part != number
-        others = Scan(
-            scan.readings[rest], scan.poses[rest], scan.labels[rest], scan.split[rest], scan.taxel_xy
-        )
-        without = learn_maps(others)["E"]
+        without = learn_maps(scan.chosen(rest))["E"]
         points = transform(scan.poses[mine], scan.taxel_xy)
         assert odds[mine][known[mine]] == pytest.approx(without.log_odds_at(points)[known[mine]], abs=1e-9)
         left = model.without(scan, mine, ("E",), True)
@@ -107,7 +96,7 @@ def test_its_probabilities_are_what_readings_between_the_training_poses_show(sca
     # Off the lattice is where a user touches. The probabilities are learned from lattice positions 6.8 mm from those
     # that their map holds; these are nearer, and turned to the middle between two trained angles. A table counted
     # from taxels that are judged by a map that holds their own presses fails here, though not in surprise above.
-    told, seen = told_and_seen(fitted(scan), shift)
+    told, seen = told_and_seen(model_of("calibrated", scan), shift)
     for kind in range(3):
         tenth = np.minimum(told[kind] * 10, 9).astype(int)
         gaps = [abs(np.sum((seen == kind) - told[kind], where=tenth == k)) for k in range(10)]

@@ -5,7 +5,7 @@ import pytest
 import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import make_scan, paper_poses
+from synthetic import fitted_anew, make_scan, paper_poses
 
 from tactsim import estimators
 from tactsim.core import InputError
@@ -27,8 +27,7 @@ def shapes():
 def test_only_the_complement_makes_equation_7_a_distribution(shapes):
     sums = {}
     for failure in ("printed", "complement"):
-        filter = estimators.create("histogram", bins=100, failure=failure)
-        filter.fit(shapes)
+        filter = fitted_anew("histogram", shapes, bins=100, failure=failure)
         sums[failure] = np.exp(filter.likelihood.log_tables("E", [[0.0, 0.0], [8.0, 3.0]])).sum(axis=0)
     assert sums["complement"] == pytest.approx([1, 1])
     assert sums["printed"] == pytest.approx([0.94, 0.94])  # gamma (2 p(m) - 1) short of one

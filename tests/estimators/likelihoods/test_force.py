@@ -1,24 +1,12 @@
 """The force domain's measurement model: what it learns where pressures are known, and odd readings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from synthetic import make_scan, pressures
+from synthetic import make_scan, model_of, pressures
 
-from tactsim.core import Scan, transform
-from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
-
-
-def fitted(scan, **options):
-    model = likelihood.create(LikelihoodOptions(likelihood="force", **options))
-    model.fit(scan, learn_maps(scan))
-    return model
-
-
-def rescaled(scan, factors):
-    """Multiply each reading by a factor (n,), or each taxel by one (taxels,)."""
-    return Scan(scan.readings * factors, scan.poses, scan.labels, scan.split, scan.taxel_xy)
+from tactsim.core import transform
 
 
 def forces(scan):
@@ -43,12 +31,12 @@ def quiet():
 
 @pytest.fixture(scope="module")
 def model(quiet):
-    return fitted(quiet)
+    return model_of("force", quiet)
 
 
 def test_the_mosaic_is_the_blurred_shape_however_hard_it_was_pressed(quiet, model):
     # But for its unit: a scale is the mean of what is pressed, not the most that there could be.
-    pressed = fitted(rescaled(quiet, forces(quiet)))
+    pressed = model_of("force", replace(quiet, readings=quiet.readings * forces(quiet)))
     rng = np.random.default_rng(3)
     for label in "EL":
         xy = rng.uniform(-11, 11, (2000, 2))
@@ -63,7 +51,7 @@ def test_the_mosaic_is_the_blurred_shape_however_hard_it_was_pressed(quiet, mode
 def test_gains_and_dead_taxels_are_found(quiet):
     true = np.random.default_rng(5).uniform(0.6, 1.4, 36)
     true[[4, 20]] = 0
-    model = fitted(rescaled(quiet, true))
+    model = model_of("force", replace(quiet, readings=quiet.readings * true))
     assert model.gain == pytest.approx(true / true.mean(), abs=0.1)
     reading = quiet.readings[0] * true
     assert not {4, 20} & set(model.evidence(reading).taxel.tolist())
@@ -73,7 +61,7 @@ def test_gains_and_dead_taxels_are_found(quiet):
 
 
 def test_its_densities_are_what_new_readings_show(scan):
-    model = fitted(scan)
+    model = model_of("force", scan)
     fresh = make_scan(seed=2).where("test")
     inside, total = [], []
     for label in fresh.letters:

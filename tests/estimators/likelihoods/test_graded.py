@@ -1,26 +1,13 @@
 """The graded model: its counts by brute force, and that neither load, unit nor response decide the answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from synthetic import draw_trial, follow, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, follow, make_scan, model_of, paper_poses
 
-from tactsim import estimators
-from tactsim.core import Scan
-from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.graded import _GRADES, _SHARES
-from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
-
-
-def fitted(scan, **options):
-    model = likelihood.create(LikelihoodOptions(likelihood="graded", **options))
-    model.fit(scan, learn_maps(scan))
-    return model
-
-
-def changed(scan, readings):
-    return Scan(readings, scan.poses, scan.labels, scan.split, scan.taxel_xy, scan.meta)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +16,7 @@ def scan():
 
 
 def test_a_grade_says_between_which_shares_of_its_scale_a_taxel_lies(scan):
-    model = fitted(scan)
+    model = model_of("graded", scan)
     reading = np.zeros(36)
     reading[:8] = [40, 40, 40, 40, 25, 17, 9, 3]
     grades, scale = model.graded(reading)
@@ -41,7 +28,7 @@ def test_a_grade_says_between_which_shares_of_its_scale_a_taxel_lies(scan):
 
 
 def test_grades_are_counted_as_by_brute_force(scan):
-    model = fitted(scan, quantiles=1)
+    model = model_of("graded", scan, quantiles=1)
     counts = np.ones((3, _GRADES))
     scales = [model.graded(reading)[1] for reading in scan.where("train").readings]
     lower, upper = np.quantile(scales, [1 / 3, 2 / 3])
@@ -59,9 +46,8 @@ def test_grades_are_counted_as_by_brute_force(scan):
 def test_graded_stands_presses_of_varied_load_and_a_bent_response(scan):
     rng = np.random.default_rng(3)
     load = np.exp(0.5 * rng.standard_normal(len(scan.readings)))
-    bent = changed(scan, 25 * (np.maximum(scan.readings * load[:, None], 0) / 25) ** 1.7)
-    estimator = estimators.create("graded", bins=2000)
-    estimator.fit(bent)
+    bent = replace(scan, readings=25 * (np.maximum(scan.readings * load[:, None], 0) / 25) ** 1.7)
+    estimator = fitted_anew("graded", bent, bins=2000)
     for seed, label in enumerate("EIL"):
         readings, poses, _ = draw_trial(bent, label, 8, np.random.default_rng(seed))
         assert follow(estimator, readings, poses)[-1].label == label

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import make_scan, paper_poses
+from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import Scan
 from tactsim.estimators.field.field import LikelihoodField
-from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
@@ -81,8 +80,7 @@ def test_log_p_is_the_log_of_the_mean_over_the_loads(both, name):
         of_loads = []
         for number in range(2):
             own = train.chosen(loads_of(train) == number)
-            alone = likelihood.create(options)
-            alone.fit(own, learn_maps(own))
+            alone = model_of(name, own)
             field = LikelihoodField(alone, both.letters, both.taxel_xy, (cell, cell), cell)
             field.append(alone.evidence(reading), pose)
             of_loads.append(field.log_p(letter, states))

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from synthetic import make_scan, paper_poses
+from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import transform
-from tactsim.estimators.likelihoods.likelihood import LIKELIHOODS, create
-from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
+from tactsim.estimators.likelihoods.likelihood import LIKELIHOODS
 
 every_model = pytest.mark.parametrize("name", LIKELIHOODS)
 
@@ -17,15 +15,9 @@ def scan():
     return make_scan("EIL", poses=paper_poses(4, 6))
 
 
-def fitted(name, scan):
-    model = create(LikelihoodOptions(likelihood=name))
-    model.fit(scan, learn_maps(scan))
-    return model
-
-
 @every_model
 def test_tables_are_finite_and_constant_beyond_the_extent(name, scan):
-    model = fitted(name, scan)
+    model = model_of(name, scan)
     low, high = model.extent
     xy = np.random.default_rng(0).uniform(low - 5, high + 5, (200, 2))
     for label in scan.letters:
@@ -38,7 +30,7 @@ def test_tables_are_finite_and_constant_beyond_the_extent(name, scan):
 
 @every_model
 def test_evidence_names_tables_and_taxels_that_exist(name, scan):
-    model = fitted(name, scan)
+    model = model_of(name, scan)
     tables = len(model.log_tables("E", np.zeros(2)))
     for reading in (*scan.readings[:20], np.zeros(36), np.full(36, 1e4), -np.ones(36)):
         model.evidence(reading).check(tables, 36)
@@ -46,7 +38,7 @@ def test_evidence_names_tables_and_taxels_that_exist(name, scan):
 
 @every_model
 def test_the_true_place_says_more_than_others(name, scan):
-    model, test = fitted(name, scan), scan.where("test", "E")
+    model, test = model_of(name, scan), scan.where("test", "E")
     shifts = np.array([[0, 0, 0], [5, 0, 0], [0, 5, 0], [-5, 0, 0], [0, -5, 0]])
     ahead = []
     for reading, pose in zip(test.readings[:30], test.poses[:30], strict=True):

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import draw_trial, make_scan, paper_poses
+from synthetic import draw_trial, fitted_anew, make_scan, paper_poses
 
 from tactsim.core import InputError
 from tactsim.core.moments import felt_moments
-from tactsim.estimators import create
 from tactsim.estimators.field.field import LikelihoodField
 
 POSES = paper_poses(positions=4, angles=6)
@@ -35,9 +34,7 @@ def few():
 
 
 def learned(scan, **options):
-    estimator = create("refined", **({"bins": 600, "cells": 40, "halvings": 2, "moments": 2} | options))
-    estimator.fit(scan)
-    return estimator
+    return fitted_anew("refined", scan, **({"bins": 600, "cells": 40, "halvings": 2, "moments": 2} | options))
 
 
 @pytest.fixture(scope="module")
