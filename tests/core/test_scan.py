@@ -48,18 +48,14 @@ def test_the_same_scan_gives_the_same_bytes(scan, tmp_path):
 def test_the_digest_names_the_content(scan, tmp_path):
     scan.save(tmp_path / "scan.npz")
     assert Scan.load(tmp_path / "scan.npz").digest == scan.digest
-    fields = {
-        name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy", "meta")
-    }
-    assert Scan(**fields).digest == scan.digest
-    assert Scan(**(fields | {"readings": scan.readings + 1e-12})).digest != scan.digest
-    assert Scan(**(fields | {"labels": scan.labels[::-1].copy()})).digest != scan.digest
-    assert Scan(**(fields | {"meta": {}})).digest != scan.digest
+    assert replace(scan).digest == scan.digest
+    assert replace(scan, readings=scan.readings + 1e-12).digest != scan.digest
+    assert replace(scan, labels=scan.labels[::-1].copy()).digest != scan.digest
+    assert replace(scan, meta={}).digest != scan.digest
 
 
 def test_equal_scans_have_equal_digests_however_wide_their_names_were_stored(scan):
-    fields = {name: getattr(scan, name) for name in ("readings", "poses", "taxel_xy", "meta")}
-    wide = Scan(labels=scan.labels.astype("U40"), split=scan.split.astype("U40"), **fields)
+    wide = replace(scan, labels=scan.labels.astype("U40"), split=scan.split.astype("U40"))
     assert wide.digest == scan.digest
     test = scan.where("test")
     alone = Scan(
@@ -98,7 +94,7 @@ def test_training_and_test_readings_of_two_scans_become_one(scan):
 
 
 def test_scans_of_different_pads_are_not_joined(scan):
-    moved = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 0.1)
+    moved = replace(scan, taxel_xy=scan.taxel_xy + 0.1)
     with pytest.raises(InputError, match="different pads"):
         scan.joined(moved, meta={})
 
@@ -125,19 +121,15 @@ def test_the_arrays_cannot_be_changed_by_accident(scan):
     ],
 )
 def test_a_scan_that_does_not_fit_together_is_refused(scan, change, message):
-    fields = {name: getattr(scan, name) for name in ("readings", "poses", "labels", "split", "taxel_xy")}
     with pytest.raises(InputError, match=message):
-        Scan(**(fields | change))
+        replace(scan, **change)
 
 
 def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
-    masked = Scan(
-        scan.readings[:, [0, 2, 3]] + 1,
-        scan.poses,
-        scan.labels,
-        np.full(6, "train"),
-        scan.taxel_xy[[0, 2, 3]],
-    )  # a recording of one split, with a taxel masked
+    # A recording of one split, with a taxel masked.
+    masked = replace(
+        scan, readings=scan.readings[:, [0, 2, 3]] + 1, split=["train"] * 6, taxel_xy=scan.taxel_xy[[0, 2, 3]]
+    )
     both = train_on(scan, masked)
     assert both.readings.shape == (3 + 6, 3)
     assert np.array_equal(both.where("train").readings, scan.where("train").readings[:, [0, 2, 3]])
@@ -145,7 +137,7 @@ def test_training_on_one_scan_and_testing_on_another_uses_what_both_have(scan):
     assert np.array_equal(
         train_on(masked, scan).where("test").readings, scan.where("test").readings[:, [0, 2, 3]]
     )
-    far = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy + 100)
+    far = replace(scan, taxel_xy=scan.taxel_xy + 100)
     with pytest.raises(InputError, match="no taxel at the same place"):
         train_on(scan, far)
 

@@ -3,6 +3,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
 from tactsim.hardware.emulator import Faults, serve_pty, serve_tcp
 
@@ -44,6 +45,47 @@ def csv_device(taxels=6, **codec):
     return Device.model_validate(
         {"name": "csv", "codec": {"kind": "pps-csv", "taxels": taxels, **codec}, "pad": pad}
     )
+
+
+def described(layout, taxels=6, **codec):
+    """A pad of one row whose frames have a layout; a count is 1 kPa."""
+    content = {"layout": layout, "zero": 0, "kpa_per_count": 1.0} | codec
+    return small_device(codec=content, pad={"rows": 1, "columns": taxels, "no_seam": True})
+
+
+def line_device(taxels=6, **codec):
+    """A pad of one row that prints lines of numbers; a count is 1 kPa."""
+    content = {"kind": "csv", "taxels": taxels, "kpa_per_count": 1.0} | codec
+    pad = {"rows": 1, "columns": taxels, "no_seam": True}
+    return Device.model_validate({"name": "lines", "codec": content, "pad": pad})
+
+
+def counting_array(side):
+    """Write the device file of an array of side x side taxels, in counts and of twice the paper's pitch."""
+    return f"""name = "{side}x{side}"
+[codec]
+kind = "pps-csv"
+taxels = {side * side}
+unit = "count"
+[pad]
+rows = {side}
+columns = {side}
+pitch_x = 3.8
+pitch_y = 3.8
+taxel_width = 3.4
+taxel_height = 3.4
+no_seam = true
+unread_columns = 0
+"""
+
+
+def calibration(**changes):
+    """Calibrate six taxels, which rest at 1 kPa where nothing else is said."""
+    values = {
+        "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50,
+        "tare": (1.0,) * 6, "noise": (0.1,) * 6, "gain": (1.0,) * 6,
+    }  # fmt: skip
+    return Calibration.model_validate(values | changes)
 
 
 def ramp(device):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from made_pads import small_device
+from made_pads import calibration, small_device
 
 from tactsim.core import InputError, Pad
 from tactsim.core.reading import Reading
@@ -76,14 +76,6 @@ def test_a_calibration_comes_back_from_its_file(rng, tmp_path):
     assert Calibration.load(tmp_path / "tare.toml") == tare
 
 
-def whole(**changes):
-    values = {
-        "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50,
-        "tare": (1.0,) * 6, "noise": (0.5,) * 6, "gain": (2.0, 1, 1, 1, 1, 1),
-    }  # fmt: skip
-    return Calibration.model_validate(values | changes)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -94,12 +86,12 @@ def whole(**changes):
 )
 def test_a_calibration_that_makes_no_sense_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        whole(**change)
+        calibration(**change)
 
 
 def test_readings_are_tared_scaled_and_masked():
     pad = small_device().pad
-    correction = Correction(whole(stuck=(2,), dead=(5,)), pad)
+    correction = Correction(calibration(gain=(2.0, 1, 1, 1, 1, 1), stuck=(2,), dead=(5,)), pad)
     reading = correction.apply(Reading(np.arange(6.0) + 3, 1.5, 0.5, 7))
     assert reading.pressures.tolist() == [4.0, 3.0, 5.0, 6.0]
     assert (reading.host_time, reading.device_time, reading.index) == (1.5, 0.5, 7)
@@ -108,7 +100,7 @@ def test_readings_are_tared_scaled_and_masked():
 
 def test_a_calibration_of_another_pad_is_refused():
     with pytest.raises(InputError, match="has 6 taxels, the pad has 36"):
-        Correction(whole(), Pad())
+        Correction(calibration(), Pad())
 
 
 def test_gains_make_an_even_load_even(rng):

@@ -5,26 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_pads import counting_array
 
 from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import transform
+from tactsim.press.clip import covers
 
-DEVICE = """name = "6x6"
-[codec]
-kind = "pps-csv"
-taxels = 36
-unit = "count"
-[pad]
-rows = 6
-columns = 6
-pitch_x = 3.8
-pitch_y = 3.8
-taxel_width = 3.4
-taxel_height = 3.4
-no_seam = true
-unread_columns = 0
-"""
 OUTLINES = {
     "bracket": (34, 40, "M0 0H34V9H9V40H0z"),
     "tee": (44, 36, "M0 0H44V9H26V36H17V9H0z"),
@@ -58,7 +45,7 @@ def chain(here):
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
             f'viewBox="0 0 {width} {height}"><path d="{path}"/></svg>'
         )
-    Path("device.toml").write_text(DEVICE)
+    Path("device.toml").write_text(counting_array(6))
     Path("truth.toml").write_text(TRUTH)
 
     def record(presses):
@@ -101,31 +88,17 @@ def test_pressed_places_are_where_the_shapes_are(chain):
         places = transform(of.poses, scan.taxel_xy)
         footprint = models.shape(f"{name}.svg").footprint
         inside = footprint.offset(-2.5, 2).to_polygons(), footprint.offset(4.0, 2).to_polygons()
-        deep, near = (_within(places.reshape(-1, 2), rings) for rings in inside)
+        deep, near = (covers(rings, places.reshape(-1, 2)) for rings in inside)
         readings = of.readings.reshape(-1)
         assert np.median(readings[deep]) > 400
         assert np.median(np.abs(readings[~near])) < 60  # twice the noise of a mean of few frames, in counts
-
-
-def _within(points, rings):
-    """Tell which points (n, 2) lie within the rings, by the even-odd rule."""
-    x, y = points[:, :1], points[:, 1:]
-    odd = np.zeros(len(points), dtype=bool)
-    for ring in rings:
-        (ax, ay), (bx, by) = ring.T, np.roll(ring, -1, axis=0).T
-        crosses = ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / np.where(by == ay, 1.0, by - ay) + ax)
-        odd ^= crosses.sum(axis=1) % 2 == 1
-    return odd
 
 
 @pytest.mark.slow
 def test_a_large_array_is_recognised_with_no_option_given(here, chain):
     """A 16x16 array in counts, bent, of twice the paper's pitch, under loads that vary: estimators keep their order."""
     record, replay = chain
-    large = (
-        DEVICE.replace("36", "256").replace("rows = 6", "rows = 16").replace("columns = 6", "columns = 16")
-    )
-    Path("device.toml").write_text(large)
+    Path("device.toml").write_text(counting_array(16))
     Path("truth.toml").write_text(TRUTH.replace("force = 8", "force = 25"))
     rng = np.random.default_rng(1)
     record([

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_pads import csv_device, singletact, small_device
+from made_pads import csv_device, described, line_device, singletact, small_device
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs import codec_registry as registry
 from tactsim.hardware.codecs.codec import Codec, CodecError, Frame
 from tactsim.hardware.codecs.singletact import Reply, write_reply
-from tactsim.hardware.device import Device
 from tactsim.hardware.framing import Framer
 
 
@@ -24,9 +23,7 @@ def small_messages(count, rng):
 def headed_messages(count, rng):
     """Frames without checksum or footer, whose payload may look like headers."""
     layout = [{"is": "header", "bytes": "FF FE"}, {"is": "index"}, {"is": "taxels", "count": 5, "bits": 8}]
-    form = small_device(
-        codec={"layout": layout}, pad={"rows": 1, "columns": 5, "no_seam": True}
-    ).codec.build()
+    form = described(layout, 5).codec.build()
     values = rng.choice([0x00, 0x11, 0xFD], size=(count, 5)).astype(float)
     return form, [form.encode(Frame(row, index=k)) for k, row in enumerate(values)]
 
@@ -43,15 +40,10 @@ def csv_messages(count, rng):
     return form, [b"\n" + rows[0], *rows[1:]]
 
 
-def layout_codec(layout, taxels, **codec):
-    pad = {"rows": 1, "columns": taxels, "no_seam": True}
-    return small_device(codec={"layout": layout, "zero": 0} | codec, pad=pad).codec.build()
-
-
 def footed_messages(count, rng):
     """Floats of three axes without a header. The first message begins with the end of the one before."""
     taxels = {"is": "taxels", "count": 3, "bits": 32, "float": True, "axes": 3, "normal": 2}
-    form = layout_codec([taxels, {"is": "footer", "bytes": "0D 0A"}], 3, endian="little")
+    form = described([taxels, {"is": "footer", "bytes": "0D 0A"}], 3, endian="little").codec.build()
     values = rng.normal(size=(count, 3)).astype(np.float32).astype(float)
     messages = [form.encode(Frame(row)) for row in values]
     return form, [b"\r\n" + messages[0], *messages[1:]]
@@ -59,9 +51,8 @@ def footed_messages(count, rng):
 
 def crc_messages(count, rng):
     """Nothing but values and a CRC. The first message begins with the one before."""
-    form = layout_codec(
-        [{"is": "index"}, {"is": "taxels", "count": 4}, {"is": "checksum", "kind": "crc32"}], 4
-    )
+    layout = [{"is": "index"}, {"is": "taxels", "count": 4}, {"is": "checksum", "kind": "crc32"}]
+    form = described(layout, 4).codec.build()
     values = rng.integers(0, 65536, size=(count + 1, 4)).astype(float)
     messages = [form.encode(Frame(row, index=k)) for k, row in enumerate(values)]
     return form, [messages[0] + messages[1], *messages[2:]]
@@ -69,15 +60,7 @@ def crc_messages(count, rng):
 
 def line_messages(count, rng):
     """An Arduino's lines. The first one begins with the end of the one before."""
-    pad = {"rows": 1, "columns": 4, "no_seam": True}
-    codec = {
-        "kind": "csv",
-        "taxels": 4,
-        "kpa_per_count": 1.0,
-        "before": ["index", "clock"],
-        "checksum": "crc16-ccitt",
-    }
-    form = Device.model_validate({"name": "lines", "codec": codec, "pad": pad}).codec.build()
+    form = line_device(4, before=["index", "clock"], checksum="crc16-ccitt").codec.build()
     values = rng.integers(0, 1024, size=(count, 4)).astype(float)
     messages = [form.encode(Frame(row, index=k, ticks=10 * k)) for k, row in enumerate(values)]
     return form, [b"\n" + messages[0], *messages[1:]]

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from made_pads import small_device
+from made_pads import described, line_device, small_device
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.device import Device
 from tactsim.hardware.framing import Framer
 from tactsim.hardware.stream import Stream
 
@@ -16,17 +15,6 @@ HEADER = {"is": "header", "bytes": "AA 55"}
 FOOTER = {"is": "footer", "bytes": "0D 0A"}
 TAXELS = {"is": "taxels", "count": 6, "bits": 16}
 MARK_BYTES = b"\xaa\x55\x0d\x0a\x00\xff"
-
-
-def described(layout, taxels=6, **codec):
-    content = {"layout": layout, "zero": 0, "kpa_per_count": 1.0} | codec
-    return small_device(codec=content, pad={"rows": 1, "columns": taxels, "no_seam": True})
-
-
-def lines(**codec):
-    content = {"kind": "csv", "taxels": 6, "kpa_per_count": 1.0} | codec
-    pad = {"rows": 1, "columns": 6, "no_seam": True}
-    return Device.model_validate({"name": "lines", "codec": content, "pad": pad})
 
 
 def numbers(values, index):
@@ -71,8 +59,8 @@ CHECKED = {
     "header": described([HEADER, {"is": "index"}, TAXELS, SUM]),
     "footer": described([{"is": "index"}, TAXELS, SUM, FOOTER]),
     "neither": described([{"is": "index"}, TAXELS, SUM]),
-    "lines": lines(before=["clock"], checksum="crc32"),
-    "lines of three axes": lines(
+    "lines": line_device(before=["clock"], checksum="crc32"),
+    "lines of three axes": line_device(
         before=["skip"], after=1, axes=3, normal=1, delimiter="tab", checksum="crc32"
     ),
 }
@@ -248,7 +236,7 @@ def test_packets_with_the_same_counter_are_of_two_frames_if_time_lies_between_th
 @settings(max_examples=25)
 @given(st.lists(st.integers(0, 1023), min_size=18, max_size=60), st.integers(0, 40), st.data())
 def test_plain_lines_that_are_lost_whole_or_begun_before_the_port_was_opened_make_none(numbers, cut, data):
-    form = lines().codec.build()
+    form = line_device().codec.build()
     sent = [numbers[at : at + 6] for at in range(0, len(numbers) - 5, 6)]
     kept = [values for values in sent if data.draw(st.booleans())]
     # Rows of four numbers make no frame of six; two of three between empty lines would be one.
@@ -280,12 +268,12 @@ def test_plain_lines_that_are_lost_whole_or_begun_before_the_port_was_opened_mak
     ],
 )
 def test_a_line_is_six_plain_numbers_and_nothing_else(line, values):
-    found = read(lines().codec.build(), b"\n" + line + b"\n")
+    found = read(line_device().codec.build(), b"\n" + line + b"\n")
     assert found == ([] if values is None else [tuple(values)])
 
 
 def test_a_line_that_its_checksum_contradicts_is_none_and_is_counted():
-    form, counters = lines(checksum="xor8", before=["clock", "index"]).codec.build(), Counters()
+    form, counters = line_device(checksum="xor8", before=["clock", "index"]).codec.build(), Counters()
     check = 0
     for letter in b"250,7,1,2,3,4,5,6":  # NMEA 0183: all between the line's beginning and the star
         check ^= letter
@@ -305,10 +293,10 @@ def test_decimal_commas_semicolons_and_blanks_are_read():
         (b"1.5  -2 3.25\t4 5 6 ", {"delimiter": "blank"}),
         (b"1.5\t-2\t3.25\t4\t5\t6", {"delimiter": "tab"}),
     ):
-        form = lines(**options).codec.build()
+        form = line_device(**options).codec.build()
         assert read(form, b"\n" + line + b"\n") == [tuple(values)], line
         assert read(form, b"\n" + form.encode(Frame(np.array(values)))) == [tuple(values)], line
-    assert read(lines(delimiter=";", decimal=",").codec.build(), b"\n1.5;2;3;4;5;6\n") == []
+    assert read(line_device(delimiter=";", decimal=",").codec.build(), b"\n1.5;2;3;4;5;6\n") == []
 
 
 @pytest.mark.parametrize(
@@ -323,7 +311,7 @@ def test_decimal_commas_semicolons_and_blanks_are_read():
 )
 def test_lines_that_make_no_sense_are_refused_with_the_reason(options, said):
     with pytest.raises(ValueError, match=said):
-        lines(**options)
+        line_device(**options)
 
 
 def test_parts_whose_frames_come_in_packets_are_joined_by_their_counter():

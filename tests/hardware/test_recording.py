@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_pads import csv_device, ramp, serving, singletact, small_device
+from made_pads import csv_device, line_device, ramp, serving, singletact, small_device
 
 from tactsim.core import InputError
 from tactsim.hardware.device import Device, Part
@@ -346,9 +346,7 @@ def test_why_a_csv_is_not_read_is_said(tmp_path, content, expected):
         CsvReplay(tmp_path / "a.csv", csv_device(4))
 
 
-LINES = Device.model_validate(
-    {"name": "lines", "codec": {"kind": "csv", "taxels": 4, "kpa_per_count": 1.0}, "pad": csv_device(4).pad}
-)
+LINES = line_device(4)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import refused
-from made_pads import ramp
+from made_pads import counting_array, ramp
 
 from tactsim import models
 from tactsim.core import Scan
@@ -18,21 +18,6 @@ from tactsim.press import ScanOptions
 from tactsim.press.scanning import object_facts
 from tactsim.press.simulated_source import press_table, rising_table
 
-ARRAY = """name = "16x16"
-[codec]
-kind = "pps-csv"
-taxels = 256
-unit = "count"
-[pad]
-rows = 16
-columns = 16
-pitch_x = 3.8
-pitch_y = 3.8
-taxel_width = 3.4
-taxel_height = 3.4
-no_seam = true
-unread_columns = 0
-"""
 TEE = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="44mm" height="36mm" viewBox="0 0 44 36">'
     '<path d="M0 0H44V9H26V36H17V9H0z"/></svg>'
@@ -52,7 +37,7 @@ FAST = ("--rate", "20", "--hold", "0.5", "--lift", "0.3")
 @pytest.fixture
 def own(here):
     """Write the files of an array, a shape and a plan, and return a function that records the plan."""
-    for name, text in (("array.toml", ARRAY), ("tee.svg", TEE), ("plan.csv", PLAN)):
+    for name, text in (("array.toml", counting_array(16)), ("tee.svg", TEE), ("plan.csv", PLAN)):
         (Path(name)).write_text(text)
 
     def record(*words, settings=EXACT, out="array.csv"):

@@ -3,11 +3,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_pads import serving, small_device
+from made_pads import calibration, serving, small_device
 
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
-from tactsim.hardware.calibration import Calibration, force
+from tactsim.hardware.calibration import force
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.hand import Pressing, by_the_clock
 from tactsim.hardware.live import LiveSource
@@ -217,7 +217,7 @@ def test_skip_and_redo(pad):
 def record(path, pad, script, calibrations=(None,)):
     """Record a session in as many sittings as `calibrations`, stopping each after `script` steps."""
     device = small_device(pad=pad.model_dump())
-    for sitting, calibration in enumerate(calibrations):
+    for sitting, known in enumerate(calibrations):
         presses, first = {}, 0
         if sitting:
             before = read_session(path)
@@ -226,7 +226,7 @@ def record(path, pad, script, calibrations=(None,)):
         hand = Hand(session, table(), seed=sitting)
         hand.number = first
         with Recorder(path, append=sitting > 0) as recorder:
-            written = None if calibration is None else calibration.model_dump(mode="json")
+            written = None if known is None else known.model_dump(mode="json")
             recorder.segment(
                 {"device": device.as_json(), "calibration": written, "plan": plan().model_dump(mode="json")},
                 0.0,
@@ -239,16 +239,6 @@ def record(path, pad, script, calibrations=(None,)):
                 if press:
                     recorder.mark(press.model_dump(), hand.now)
             recorder.end({}, hand.now)
-
-
-def tared(zero, **changes):
-    return Calibration.model_validate(
-        {
-            "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50,
-            "tare": (zero,) * 6, "noise": (0.1,) * 6, "gain": (1.0,) * 6,
-        }
-        | changes
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("stop", [1, 50, 120])
@@ -264,7 +254,8 @@ def test_a_stopped_and_resumed_session_makes_the_whole_scan(tmp_path, pad, stop)
 
 
 def test_each_sittings_calibration_holds_for_its_own_presses(tmp_path, pad):
-    record(tmp_path / "a", pad, [80, 400], [tared(0.0), tared(7.0, stuck=(3,))])
+    sittings = [calibration(tare=(0.0,) * 6), calibration(tare=(7.0,) * 6, stuck=(3,))]
+    record(tmp_path / "a", pad, [80, 400], sittings)
     scan = scan_of_sessions([tmp_path / "a"])
     kept = [0, 1, 2, 4, 5]
     assert np.array_equal(scan.taxel_xy, pad.taxel_xy[kept])

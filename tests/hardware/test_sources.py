@@ -4,13 +4,12 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from made_pads import csv_device, ramp, serving, small_device
+from made_pads import calibration, csv_device, ramp, serving, small_device
 
 from tactsim.core import InputError, plug_ins
 from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
 from tactsim.core.source import Source, SourceEnded, SourceError
-from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.recorded import Replay
@@ -106,10 +105,10 @@ def test_every_source_gives_readings_of_its_pad(opened):
 
 def test_every_source_is_corrected_alike(opened):
     place, device = opened
-    calibration = CALIBRATION.model_copy(update={"tare": (1000.0,) * 6})
+    heavy = CALIBRATION.model_copy(update={"tare": (1000.0,) * 6})
     with open_source([place], device) as source:
         unit = source.unit
-    with open_source([place], device, calibration) as source:
+    with open_source([place], device, heavy) as source:
         reading = source.read(5.0)
         assert source.unit == unit
         assert source.taxel_xy.shape == (5, 2)
@@ -133,12 +132,7 @@ def test_every_source_can_be_recorded_and_replayed_bit_for_bit(opened, tmp_path)
     assert sum(1 for _ in RecordReader(tmp_path / "copy")) > 1
 
 
-CALIBRATION = Calibration.model_validate(
-    {
-        "device": "small", "port": "p", "taken": "2026-01-01T00:00:00Z", "frames": 50, "tare": (1.0,) * 6,
-        "noise": (0.1,) * 6, "gain": (2.0,) * 6, "stuck": (0,),
-    }
-)  # fmt: skip
+CALIBRATION = calibration(gain=(2.0,) * 6, stuck=(0,))
 WRAPPERS = {
     "corrected": lambda source, folder: Corrected(source, CALIBRATION, "it"),
     "recorded": lambda source, folder: Recorded(source, Recorder(folder / "wrapped")),
@@ -150,8 +144,8 @@ def two_segments(path, *calibrations, counts=(20, 7)):
     """Record readings in two segments, each with its calibration or None; returns the place to open."""
     device = small_device()
     with Recorder(path) as recorder:
-        for count, calibration in zip(counts, calibrations, strict=True):
-            content = calibration and calibration.model_dump(mode="json")
+        for count, known in zip(counts, calibrations, strict=True):
+            content = known and known.model_dump(mode="json")
             recorder.segment({"device": device.as_json(), "calibration": content}, 0.0)
             for k in range(count):
                 recorder.reading(Reading(np.full(6, 3.0), 0.01 * k))

@@ -16,6 +16,7 @@ import simple_icons_pack
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
+from refusals import refusal
 from svg.path import parse_path
 
 from tactsim import models
@@ -51,16 +52,6 @@ def write_svg(folder, body, head=PAGE):
     path = folder / "thing.svg"
     path.write_text(drawing(body, head), encoding="utf-8")
     return path
-
-
-def refusal(path, **options):
-    """Return the one line with which a shape is refused."""
-    with pytest.raises(InputError) as error:
-        models.shape(path, **options)
-    message = str(error.value)
-    assert "\n" not in message
-    assert str(path) in message
-    return message.replace(str(path), "")
 
 
 def rendered(text, width=1000):

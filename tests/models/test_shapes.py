@@ -9,20 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 from manifold3d import CrossSection
+from refusals import refusal
 
 from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.models.mesh import read_solid
-
-
-def refusal(path, **options):
-    """Return the one line with which a shape is refused."""
-    with pytest.raises(InputError) as error:
-        models.shape(path, **options)
-    message = str(error.value)
-    assert "\n" not in message
-    assert str(path) in message
-    return message.replace(str(path), "")
 
 
 def write_mesh(folder, mesh, kind="stl"):
