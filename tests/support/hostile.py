@@ -1,8 +1,11 @@
 """Damage and malice for files of any kind: cut, flipped, inserted, repeated, and hostile values for good ones."""
 
 import re
+import zlib
 
 import numpy as np
+
+from tactsim.core.errors import InputError
 
 # What is written into a text in place of one of its words, and between them.
 WORDS = [
@@ -94,3 +97,30 @@ def swapped(value, rng):
         [], {}, [[]], {"a": {}}, [1, "a", None], [None] * 1000, ["/etc/passwd"], "../..", "9" * 5000, "\ud800",
     ]  # fmt: skip
     return values[rng.integers(len(values))]
+
+
+def reads_or_refuses(read, path, content, note):
+    """Check that a content is read, or refused in one line of a sensible length; gives whether it is read.
+
+    note: what shows a fault again, such as a seed.
+    """
+    path.write_bytes(content)
+    try:
+        read(path)
+    except InputError as error:
+        assert "\n" not in str(error), note  # noqa: PT017
+        assert len(str(error)) < 3000, note  # noqa: PT017
+        return False
+    except BaseException as error:
+        error.add_note(note)
+        raise
+    return True
+
+
+def damage(name, read, path, content, count):
+    """Damage a file that can be read `count` times; a fault names the seed that shows it again."""
+    assert reads_or_refuses(read, path, content, "the good one")
+    for seed in range(count):
+        bad = damaged(content, np.random.default_rng([zlib.crc32(name.encode()), seed]))
+        reads_or_refuses(read, path, bad, f"{name}, seed {seed}: {bad[:300]!r}")
+    path.write_bytes(content)
