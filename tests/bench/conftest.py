@@ -2,12 +2,15 @@
 
 import json
 import shutil
+from contextlib import ExitStack
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import BENCH
 from small_runs import draw_nothing, make_run_in
+from terminal import OnTerminal
 from typer.testing import CliRunner
 
 from tactsim.bench import experiment, results
@@ -83,6 +86,15 @@ def scan_through_time(tmp_path_factory, shared_cache):
         words = ["scan", "--out", str(path), "--letters", "I", *full, "--sequence"]
         answer = CliRunner().invoke(app, words, env={"COLUMNS": "120", "NO_COLOR": "1"})
     return path, answer
+
+
+@pytest.fixture
+def on_terminal(bench, tmp_path):
+    """Run `bench` on a terminal of 80 x 24, in colours; what still runs at the end of the test is killed."""
+    with ExitStack() as running:
+        yield lambda *words: running.enter_context(
+            OnTerminal([BENCH, *words], cwd=tmp_path, environment=bench.environment)
+        )
 
 
 @pytest.fixture

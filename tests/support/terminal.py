@@ -113,11 +113,13 @@ class OnTerminal:
 
     def __init__(self, words, *, cwd, environment, columns=80, rows=24):
         self.screen = Screen(columns, rows)
+        self.said = ""
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
-        environment = {name: value for name, value in environment.items() if name not in ("COLUMNS", "LINES")}
+        plain = ("COLUMNS", "LINES", "NO_COLOR")
+        environment = {name: value for name, value in environment.items() if name not in plain}
         self.process = subprocess.Popen(
-            list(map(str, words)), cwd=cwd, env=environment | {"TERM": "xterm-256color"},
+            list(map(str, words)), cwd=cwd, env=environment | {"TERM": "xterm-256color", "COLORTERM": "truecolor"},
             stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
         )  # fmt: skip
         os.close(slave)
@@ -133,6 +135,14 @@ class OnTerminal:
         ):  # the rest of the same picture
             pass
         return self.screen
+
+    def wait_for(self, words, seconds=120.0):
+        """Read until the program has written `words` since the last call; `said` is what it wrote behind them."""
+        end = time.monotonic() + seconds
+        while words not in self.said:
+            assert time.monotonic() < end, self.said[-2000:]
+            assert self._read(0.1), self.said[-2000:]
+        self.said = self.said.partition(words)[2]
 
     def press(self, keys):
         os.write(self._master, keys.encode())
@@ -157,6 +167,7 @@ class OnTerminal:
         except OSError:  # the program has closed its end
             return False
         self.screen.feed(data)
+        self.said += data.decode(errors="replace")
         return bool(data)
 
     def __enter__(self):

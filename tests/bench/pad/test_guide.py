@@ -4,22 +4,14 @@ import io
 
 import numpy as np
 import pytest
-from command_line import BENCH, emulated
+from command_line import emulated
 from rich.console import Console
-from terminal import OnTerminal
 from terminal import Screen as Terminal
 
 from tactsim.bench.pad.guide_screen import Screen
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.session import Plan, Session
-
-
-@pytest.fixture
-def on_terminal(bench, tmp_path):
-    """Run `bench` on a terminal of 80 x 24, in colours."""
-    environment = {name: value for name, value in bench.environment.items() if name != "NO_COLOR"}
-    return lambda *words: OnTerminal([BENCH, *words], cwd=tmp_path, environment=environment)
 
 
 def whole(screen):
@@ -47,13 +39,12 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
         terminal = on_terminal(*words)
         screen = terminal.until(lambda screen: "the last press that was taken" in screen.text)
         shown = screen.lines
-    with terminal:
-        lost = terminal.until(lambda screen: "THE PAD IS LOST" in screen.text).lines
-        with emulated(bench, "--port", "pty:pad", *hand):
-            terminal.until(lambda screen: "THE PAD IS LOST" not in screen.text and "press" in screen.text)
-            assert terminal.ended() == 0
-        assert "3 readings of A in A.npz" in terminal.screen.text
-        assert whole(terminal.screen)
+    lost = terminal.until(lambda screen: "THE PAD IS LOST" in screen.text).lines
+    with emulated(bench, "--port", "pty:pad", *hand):
+        terminal.until(lambda screen: "THE PAD IS LOST" not in screen.text and "press" in screen.text)
+        assert terminal.ended() == 0
+    assert "3 readings of A in A.npz" in terminal.screen.text
+    assert whole(terminal.screen)
     assert "press 2 of 3, 1 done" in shown[0]
     assert "there is no such port" in "".join(lost)
     assert not any(character.isdigit() for line in lost[3:9] for character in line[39:])
@@ -63,10 +54,8 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
 
 @pytest.mark.long
 def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
-    with (
-        emulated(bench, "--port", "pty:pad"),
-        on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz") as terminal,
-    ):
+    with emulated(bench, "--port", "pty:pad"):
+        terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
         terminal.until(lambda screen: "lift the letter" in screen.text)
         terminal.close()
         terminal.process.wait(20)

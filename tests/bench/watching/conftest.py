@@ -71,15 +71,6 @@ def silence(monkeypatch):
     return allow
 
 
-@pytest.fixture
-def typing():
-    """Take care of a terminal: what still runs in it at the end of the test is killed."""
-    terminals = []
-    yield lambda terminal: terminals.append(terminal) or terminal
-    for terminal in terminals:
-        terminal.kill()
-
-
 @pytest.fixture(scope="session")
 def fed():
     """Feed a source with frames, 200 in a second, as long as a `with` goes on."""

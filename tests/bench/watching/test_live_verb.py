@@ -4,8 +4,7 @@ import json
 import signal
 
 import pytest
-from command_line import BENCH, emulated, refused
-from pty_session import Terminal
+from command_line import emulated, refused
 
 from tactsim.core import Scan
 
@@ -40,26 +39,23 @@ def test_a_hidden_object_is_recognised_in_lines(here, scan_file):
 
 
 @pytest.mark.long
-def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, tmp_path, scan_file, typing):
+def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, scan_file, on_terminal):
     with emulated(bench, "--port", "pty:pad", "--letter", "I", "--hold", "1.2", "--lift", "1.6") as name:
         tare = here("tare", "--port", name, "--out", "tare.toml")  # nothing is pressed yet
         assert tare.returncode == 0, tare.stderr
         words = ["live", "--port", name, "--calibration", "tare.toml", "--train-scan", scan_file]
-        terminal = typing(
-            Terminal([BENCH, *words, "--explore", "random", *SMALL], tmp_path, bench.environment)
-        )
+        terminal = on_terminal(*words, "--explore", "random", *SMALL)
         terminal.wait_for("lift the letter")
         terminal.wait_for("touch 1: ")
         terminal.wait_for("touch 2: ")
-        terminal.type("r")
+        terminal.press("r")
         terminal.wait_for("touch 1: ")
-        terminal.type("n")
+        terminal.press("n")
         terminal.wait_for("no touch yet")
     terminal.wait_for(" lost ")
-    terminal.type("q")
-    last = terminal.end()
-    assert terminal.status == 0
-    assert "Traceback" not in last
+    terminal.press("q")
+    assert terminal.ended() == 0
+    assert "Traceback" not in terminal.said
 
 
 @pytest.mark.long

@@ -7,8 +7,7 @@ import socket
 
 import numpy as np
 import pytest
-from command_line import BENCH, emulated, refused
-from pty_session import Terminal
+from command_line import emulated, refused
 
 from tactsim.core.reading import Reading
 from tactsim.hardware.recording import Recorder
@@ -26,25 +25,24 @@ def recording(tmp_path, device):
 
 
 @pytest.mark.long
-def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, tmp_path, typing):
+def test_on_a_terminal_the_pad_is_drawn_lost_and_back(bench, on_terminal):
     words = ["--port", "pty:pad", "--letter", "A", "--hold", "1000", "--lift", "0.1"]
     with emulated(bench, *words) as name:
-        terminal = typing(Terminal([BENCH, "watch", "--port", name], tmp_path, bench.environment))
+        terminal = on_terminal("watch", "--port", name)
         terminal.wait_for(" live ")
         terminal.wait_for("kPa")
-        terminal.type("f")
+        terminal.press("f")
         terminal.wait_for("FROZEN")
-        terminal.type("f")
+        terminal.press("f")
     terminal.wait_for(" lost ")
     with emulated(bench, *words):
         terminal.wait_for(" live ")
-        terminal.type("q")
-        last = terminal.end()
-    assert terminal.status == 0
-    assert "readings/s" in last
-    assert "reconnects 1" in last
-    assert "Traceback" not in last
-    assert last.count("\x1b[?1049l") == 1  # the terminal's own screen is back
+        terminal.press("q")
+        assert terminal.ended() == 0
+    assert "readings/s" in terminal.said
+    assert "reconnects 1" in terminal.said
+    assert "Traceback" not in terminal.said
+    assert terminal.said.count("\x1b[?1049l") == 1  # the terminal's own screen is back
 
 
 @pytest.mark.long
