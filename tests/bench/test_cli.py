@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import BENCH, Bench, refused
+from command_line import BENCH, Bench, refused, wait_until
 
 from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
@@ -251,9 +251,8 @@ def test_a_scan_whose_objects_make_no_sense_is_refused_by_its_name_before_the_wo
 def test_an_interrupt_ends_with_130_one_line_and_no_results(tmp_path, ended_by, jobs):
     words = ("run", "--trials", "1000", "--letters", "I", "--out", "here", "--jobs", jobs)
     process = Bench(tmp_path).start(*words)
-    while not any((tmp_path / "cache").rglob("*.readings")):  # all is pressed: it is at its trials
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.05)
+    # All is pressed: it is at its trials.
+    wait_until(process, lambda: any((tmp_path / "cache").rglob("*.readings")))
     process.send_signal(ended_by)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130

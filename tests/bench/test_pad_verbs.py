@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import emulated, refused
+from command_line import emulated, refused, wait_until
 
 from tactsim.core import Scan
 
@@ -64,9 +64,7 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
             "--poses", "spread:5", "--frames", "10",
         ]  # fmt: skip
         session = bench.start(*words)
-        until = time.monotonic() + 60
-        while time.monotonic() < until and not _marks(tmp_path):
-            time.sleep(0.02)
+        wait_until(session, lambda: _marks(tmp_path))
         session.send_signal(signal.SIGKILL)
         session.communicate(timeout=10)
         assert not (tmp_path / "A.npz").exists()
@@ -340,9 +338,7 @@ def test_a_recording_goes_on_when_the_pad_comes_back(bench, here, tmp_path):
     """The pad is away for longer than the deadline of 1 s."""
     with emulated(bench, "--port", "pty:pad"):
         process = bench.start("record", "--port", "pad", "--out", "a.tactrec", "--seconds", "6")
-        until = time.monotonic() + 30
-        while time.monotonic() < until and _size(tmp_path) < 5000:
-            time.sleep(0.02)
+        wait_until(process, lambda: _size(tmp_path) >= 5000)
     time.sleep(1.5)
     before = _size(tmp_path)
     with emulated(bench, "--port", "pty:pad"):

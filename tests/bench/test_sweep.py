@@ -8,11 +8,10 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
-from command_line import refused
+from command_line import refused, wait_until
 from small_runs import draw_nothing
 from test_trials import Blind
 
@@ -153,9 +152,7 @@ def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))
     first = bench.start("sweep", "s.toml", "--out", "out", "--jobs", "1")
-    while not (tmp_path / "out" / "sweep.json").exists():
-        time.sleep(0.02)
-        assert first.poll() is None
+    wait_until(first, (tmp_path / "out" / "sweep.json").exists)
     first.send_signal(signal.SIGSTOP)  # it stays at work until the second has looked
     refused(here("sweep", "s.toml", "--out", "out"), "another sweep is at work")
     first.send_signal(signal.SIGCONT)
@@ -205,11 +202,7 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing_and_does_nothing_twice
     (tmp_path / "s.toml").write_text(SMALL.replace("trials = 30", "trials = 100"))
     process = bench.start("sweep", "s.toml", "--out", "far", "--dask", address)
     folder = tmp_path / "far" / "runs"
-    deadline = time.monotonic() + 90
-    while not any(folder.glob("[!.]*")):
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(process, lambda: any(folder.glob("[!.]*")))
     workers[0].kill()
     finish(process)
     assert here("sweep", "s.toml", "--out", "near", "--jobs", "1").returncode == 0

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import wait_until
 from test_kills import sweep_of, whole
 
 from tactsim.bench import experiment, sweep
@@ -24,14 +25,6 @@ def workers_of(process):
         if b"spawn_main" in with_words:
             found.append(int(child))
     return found
-
-
-def wait_until(process, true):
-    deadline = time.monotonic() + 60
-    while not true():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def kill_one_worker(process):

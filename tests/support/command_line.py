@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,6 +43,15 @@ def emulated(bench, *words):
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 130
+
+
+def wait_until(process, condition, seconds=90):
+    """Wait until something holds while a command is at work."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def refused(result, *parts):

@@ -1,11 +1,10 @@
 """`bench run --port`: trials measured press by press, on a simulated hand and on an emulated pad behind a pty."""
 
 import signal
-import time
 
 import numpy as np
 import pytest
-from command_line import refused
+from command_line import refused, wait_until
 
 import tactsim
 from tactsim.bench.pad.measured import measured_scan, poses_to_press, recording_of
@@ -21,18 +20,11 @@ def marks(path):
     return sum(record.kind is Kind.MARK for record in Tail(path).poll())
 
 
-def wait_for(condition, seconds=60):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
 @pytest.mark.long
 def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_file, tmp_path):
     words = ["run", *HAND, "--train-scan", scan_file, "--trials", "2", "--readings", "3", "--out", "friday"]
     session = bench.start(*words)
-    wait_for(lambda: marks(tmp_path / "friday.presses" / "I-2.tactrec") >= 1)
+    wait_until(session, lambda: marks(tmp_path / "friday.presses" / "I-2.tactrec") >= 1)
     session.send_signal(signal.SIGINT)
     output, errors = session.communicate(timeout=30)
     assert session.returncode == 0, errors
