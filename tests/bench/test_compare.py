@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.compare import FEWEST_PAIRS, compare, mcnemar, paired, paired_interval
+from tactsim.bench.compare import FEWEST_PAIRS, compare, paired, paired_interval
 from tactsim.core import InputError
 from tactsim.estimators import NONE
 
@@ -69,14 +69,6 @@ def test_the_time_of_a_reading_holds_its_choice():
     spent = {name: np.full((300, 6), 0.001) for name in ("update_s", "estimate_s", "propose_s")}
     times = compare(base, replace(base, trials=replace(base.trials, **spent)))[-1]
     assert (times.name, times.base, times.new) == ("ms a reading", 0, pytest.approx(3))
-
-
-def test_mcnemar_has_the_binomials_value():
-    base = np.array([True] * 10 + [False] * 2)
-    new = np.array([True] * 2 + [False] * 8 + [True] * 2)
-    # 8 lost, 2 won: twice the binomial tail of 2 or fewer in 10
-    assert mcnemar(base, new) == pytest.approx(2 * (1 + 10 + 45) / 2**10)
-    assert mcnemar(base, base) == 1
 
 
 def test_the_bootstrap_interval_is_near_the_normal_one_for_many_pairs():

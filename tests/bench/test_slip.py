@@ -9,10 +9,9 @@ from test_score import make_trials
 from test_trials import PLAIN, Witness, make_scan
 
 from tactsim.bench.config import STILL, Slip, run_config
-from tactsim.bench.experiment import silent
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import Scored, recovered_within
-from tactsim.bench.trials import OneTrial, TrialPlan, run_trial, run_trials
+from tactsim.bench.trials import OneTrial, run_trial
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options
 
@@ -65,16 +64,6 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
     # The witness composes what it is told with where the reading was taken: it finds the pose of that touch.
     assert np.allclose(moving.pose[..., :2], moving.true_pose[..., :2], atol=1e-9)
     assert np.ptp(moving.true_pose[..., 0]) > 1
-
-
-def test_a_still_object_gives_the_same_trials_whether_motion_is_named_or_not():
-    scan, witness = make_scan(), Witness(Options())
-    tasks = [OneTrial("A", trial) for trial in range(3)]
-    witness.fit(scan)
-    plain, _ = run_trials(TrialPlan("none", {}, scan, 8, 0), witness, tasks, progress=silent)
-    named, _ = run_trials(TrialPlan("none", {}, scan, 8, 0, slip=Slip()), witness, tasks, progress=silent)
-    for name in ("true_pose", "pose", "reading"):
-        assert getattr(plain, name).tobytes() == getattr(named, name).tobytes()
 
 
 def test_the_world_slip_presses_as_the_default_one_and_moves_the_object():

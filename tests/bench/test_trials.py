@@ -319,12 +319,6 @@ def test_the_smallest_estimators_are_scored_too(estimator, size, tmp_path):
     assert np.isfinite(run.trials.pose).all()
 
 
-def test_trials_are_joined_in_the_order_given():
-    scan = make_scan()
-    a, b = (trials_of(Witness(Options()), scan.of_letters(letter), count=2) for letter in "AE")
-    assert Trials.joined([a, b]).truth.tolist() == ["A", "A", "E", "E"]
-
-
 class Refusing(Witness):
     """Says "none" to every third reading, and takes the letter that it was not fitted to for another."""
 
