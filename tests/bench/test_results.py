@@ -1,6 +1,7 @@
 import ast
 import json
 import re
+import sys
 from dataclasses import fields
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
+from tactsim.bench.machine import peak_memory_mb
 from tactsim.bench.results import load, save
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
@@ -86,3 +88,10 @@ def test_the_lines_that_the_readme_shows_read_a_run(tmp_path):
     assert [counts.get(k, 0) / n for k in range(1, 5)] == pytest.approx(accuracy)
     assert shares.sort("reading_number")["label"].to_list() == pytest.approx(accuracy)
     assert [share for _, share in rows.fetchall()] == pytest.approx(accuracy)
+
+
+def test_peak_memory_is_in_megabytes():
+    resource = pytest.importorskip("resource")
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    assert before <= peak_memory_mb() <= 1.01 * before
