@@ -51,7 +51,8 @@ def compare(base: Run, new: Run) -> list[Difference]:
 
     Gated, with paired bootstrap intervals at 97.5 % each: the share of readings after which the letter
     is right, over all trials, and the placement error after the last reading where both have named
-    the letter. Reported: accuracy with McNemar's exact test at some readings, readings to settle, time.
+    the letter and its place is known; without such trials it is left out. Reported: accuracy with McNemar's
+    exact test at some readings, readings to settle, time.
     In space the angle is gated as well, and touches may differ: chosen ones, those of a hand, or more of them; the
     touches that both have are compared.
 
@@ -66,6 +67,8 @@ def compare(base: Run, new: Run) -> list[Difference]:
     right = [run.trials.right[:, :readings] for run in (base, new)]
     rows = [paired(f"share of {count} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1)]
     both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
+    for one in scored:  # of an object whose place nobody knows there is no error
+        both &= np.isfinite(one.error[:, readings - 1])
     if both.any():
         errors = [one.error[both, readings - 1] for one in scored]
         rows.append(paired(f"{error} @{readings}, both right", errors[0], errors[1], rng, -1))

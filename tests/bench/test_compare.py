@@ -64,6 +64,14 @@ def test_the_placement_of_what_is_rightly_refused_is_not_compared():
     assert far["error mm @6, both right"] == near["error mm @6, both right"]
 
 
+def test_errors_that_nobody_knows_are_not_called_the_same():
+    run = run_with(0.9, 1.0, seed=0)
+    nowhere = {name: replace(of, placed=False) for name, of in run.objects.items()}
+    rows = compare(replace(run, objects=nowhere), replace(run, objects=nowhere))
+    assert [row.name for row in rows if row.verdict] == ["share of readings right"]
+    assert not any(np.isnan(row.base) for row in rows if row.base is not None)
+
+
 def test_the_time_of_a_reading_holds_its_choice():
     base = run_with(0.9, 1.0, seed=0)
     spent = {name: np.full((300, 6), 0.001) for name in ("update_s", "estimate_s", "propose_s")}
