@@ -117,7 +117,9 @@ def latex_table(rows: Rows, notes: Sequence[str] = ()) -> str:
 
 def _in_latex(text: str) -> str:
     escaped = "".join(_LATEX.get(character, character) for character in text)
-    return re.sub(r"(?<=\d)-(?=\d|later)", "--", escaped)  # an interval
+    # A minus as such: as a hyphen it melts into the dash of an interval, and -2 to -1 reads as -2 to 1.
+    signed = re.sub(r"(?<!\w)-(?=\d)", "$-$", escaped)
+    return re.sub(r"(?<=\d)-(?=\d|later|\$-)", "--", signed)  # an interval
 
 
 def csv_table(pools: Sequence[Pooled], figures: Sequence[str]) -> str:

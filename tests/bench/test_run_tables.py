@@ -54,6 +54,9 @@ def test_latex_escapes_what_means_something_to_it_and_sets_intervals():
         in table
     )
     assert r"95 \% by" in table
+    below = latex_table([["force-2", "gap"], ["drift -0.5", "-0.050 (-0.060--0.040)"]])
+    assert "force-2 & gap" in below
+    assert "drift $-$0.5 & $-$0.050 ($-$0.060--$-$0.040)" in below  # not from -0.06 to +0.04
     assert r"\begin{tabular}{lr}" in table
 
 
