@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
@@ -40,6 +40,8 @@ from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
 LEVEL = 0.95
+# All draws of a single trial are that trial, which would be an interval without a width.
+_FEWEST = 2
 
 
 @dataclass(frozen=True)
@@ -147,9 +149,12 @@ class Pooled:
         above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
         if not below.any():
             return Figure(None, None, None)
+        found = float(above.sum() / below.sum())
+        if np.count_nonzero(below) < _FEWEST:
+            return Figure(found, None, None)
         drawn, divisor = self.counts @ above, self.counts @ below
         low, high = np.quantile(drawn[divisor > 0] / divisor[divisor > 0], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-        return Figure(float(above.sum() / below.sum()), float(low), float(high))
+        return Figure(found, float(low), float(high))
 
     def settled(self, share: float) -> Figure:
         """Find the reading by which `share` of the trials are and stay right."""
@@ -174,16 +179,23 @@ class Pooled:
 
 
 def mean(values: ArrayLike, sizes: tuple[int, ...], of: ArrayLike | None = None) -> Figure:
-    """Average values (n,) of the trials of runs of these sizes, one run after the other; see `Pooled.mean`."""
+    """Average values (n,) of the trials of runs of these sizes, one run after the other; see `Pooled.mean`.
+
+    One trial alone has no interval.
+    """
     values = np.asarray(values, dtype=float)
     marked = np.ones(len(values)) if of is None else np.asarray(of, dtype=float)
     if not marked.any() or np.isnan(values[marked > 0]).any():
         return Figure(None, None, None)
+    counted = np.where(marked > 0, values, 0.0)  # of the others nothing need be known
+    found = float(counted.sum() / marked.sum())
+    if np.count_nonzero(marked) < _FEWEST:
+        return Figure(found, None, None)
     counts = _counts_of(sizes)
     number = counts @ marked
-    drawn = (counts @ (values * marked))[number > 0] / number[number > 0]
+    drawn = (counts @ counted)[number > 0] / number[number > 0]
     low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Figure(float((values * marked).sum() / marked.sum()), float(low), float(high))
+    return Figure(found, float(low), float(high))
 
 
 def share(holds: ArrayLike, sizes: tuple[int, ...], of: ArrayLike | None = None) -> Figure:
@@ -192,11 +204,11 @@ def share(holds: ArrayLike, sizes: tuple[int, ...], of: ArrayLike | None = None)
     Where something holds in all trials, it does in all draws of the bootstrap, which says nothing of the next trial.
     """
     found = mean(holds, sizes, of)
-    if found.value is None or found.low is None or found.high is None:
+    if found.value is None:
         return found
     number = int(np.size(holds) if of is None else np.count_nonzero(of))
     low, high = map(float, wilson(found.value * number, number))
-    if len(sizes) > 1:
+    if len(sizes) > 1 and found.low is not None and found.high is not None:
         low, high = min(low, found.low), max(high, found.high)
     return Figure(found.value, low, high)
 
@@ -316,8 +328,8 @@ def cell(one: Pooled, figure: str) -> str:
         return value if low == high == value else f"{value} ({low}-{high})"
     if found.value is None:
         return "-"
-    value, low, high = in_digits(found, 2 if name in ("error", "efficiency", "sharpness") else 3)
-    return f"{value} ({low}-{high})"
+    value, *ends = in_digits(found, 2 if name in ("error", "efficiency", "sharpness") else 3)
+    return f"{value} ({'-'.join(ends)})" if ends else value
 
 
 def in_digits(found: Figure, least: int) -> list[str]:
@@ -362,24 +374,32 @@ def _error(one: Pooled, k: int) -> Figure:
 def _recovered(one: Pooled) -> Figure:
     of_runs = [recoveries(Scored(run.trials, run.objects), 3) for run in one.runs]
     jumps, found = (np.concatenate(column) for column in zip(*of_runs, strict=True))
-    return one.mean(found / np.maximum(jumps, 1), of=jumps > 0)
+    return one.ratio(found, jumps)
+
+
+def _determined(one: Pooled, k: int) -> NDArray[np.bool_] | None:
+    """Tell which trials (n,) are determined by k + 1 readings; None where the mean bound would be the prior's."""
+    from tactsim.bench.bound.efficiency import ENOUGH, determined  # most runs do without that room
+
+    if one.bounds is None:
+        return None
+    counted = determined(one.bounds[:, k], one.trials)
+    return counted if counted.mean() >= ENOUGH else None
 
 
 def _bound(one: Pooled, k: int) -> Figure:
-    from tactsim.bench.bound.efficiency import determined  # a default run does without the room of bounds
-
-    if one.bounds is None:
+    counted = _determined(one, k)
+    if one.bounds is None or counted is None:
         return Figure(None, None, None)
-    return one.mean(one.bounds[:, k], of=determined(one.bounds[:, k], one.trials))
+    return one.mean(one.bounds[:, k], of=counted)
 
 
 def _efficiency(one: Pooled, k: int) -> Figure:
-    from tactsim.bench.bound.efficiency import ENOUGH, determined
-
-    if one.bounds is None or determined(one.bounds[:, k], one.trials).mean() < ENOUGH:
+    counted = _determined(one, k)
+    if one.bounds is None or counted is None:
         return Figure(None, None, None)
-    chosen = one.trials.named[:, k] & determined(one.bounds[:, k], one.trials)
-    return one.ratio(one.errors[:, k] * chosen, one.bounds[:, k] * chosen)
+    chosen = counted & one.trials.named[:, k]
+    return one.ratio(np.where(chosen, one.errors[:, k], 0), np.where(chosen, one.bounds[:, k], 0))
 
 
 def _coverage(one: Pooled, k: int, level: float) -> Figure:

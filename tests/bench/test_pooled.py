@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.runs.pooled import Figure, Pooled, cell, in_digits, pool, resampled, share
+from tactsim.bench.runs.pooled import Figure, Pooled, cell, figure_of, in_digits, pool, resampled, share
 from tactsim.bench.score import wilson
 from tactsim.core import InputError
 
@@ -77,6 +77,47 @@ def test_figures_are_those_of_all_trials():
     assert in_digits(Figure(0.0, 1e-6, 2e-6), 2) == ["0.000000", "0.000001", "0.000002"]
     none = one.mean(one.trials.right[:, 0], of=np.zeros(4, dtype=bool))
     assert dataclasses.astuple(none) == (None, None, None)
+
+
+def test_a_single_trial_has_no_interval_and_its_share_wilsons():
+    (one,) = pool([of_labels([[1], [0], [0]])])
+    error = figure_of(one, "error@1")
+    assert error.value == pytest.approx(one.run.error_mm[0])
+    assert (error.low, error.high) == (None, None)  # all draws of one trial are that trial
+    assert cell(one, "error@1") == f"{error.value:.2f}"
+    held = figure_of(one, "coverage_90@1")
+    assert (held.low, held.high) == pytest.approx([float(end) for end in wilson(held.value, 1)])
+
+
+def test_errors_that_nobody_knows_of_trials_that_do_not_count_leave_the_mean_as_it_is():
+    (one,) = pool([of_labels([[1], [1], [0], [0]])])
+    values = np.array([1.0, 3.0, np.nan, np.nan])
+    found = one.mean(values, of=one.trials.right[:, 0])
+    assert (found.value, found.low, found.high) == (2, 1, 3)
+    assert dataclasses.astuple(one.mean(values)) == (None, None, None)
+
+
+def test_a_bound_is_stated_from_the_reading_on_at_which_nine_trials_of_ten_are_determined():
+    bounds = np.full((10, 3), 0.1)
+    bounds[:2, 0] = bounds[0, 1] = 3.0  # mm, the prior's
+    run = dataclasses.replace(of_labels(np.ones((10, 3), dtype=bool)), bounds=bounds)
+    (one,) = pool([run])
+    for name, curve in (("bound", run.bound_mm), ("efficiency", run.efficiency)):
+        found = [figure_of(one, f"{name}@{reading}").value for reading in (1, 2, 3)]
+        assert found[0] is None
+        assert np.isnan(curve[0])
+        assert found[1:] == pytest.approx(curve[1:].tolist())
+
+
+def test_jumps_found_again_are_a_share_of_the_jumps_and_not_of_the_trials():
+    run = of_labels(np.ones((2, 8), dtype=bool))
+    true_pose = np.zeros((2, 8, 3))
+    true_pose[0, :, 0] = [0, 0, 9, 18, 27, 27, 27, 27]  # three jumps, none of them found again
+    true_pose[1, 5:, 0] = 9  # one, which is
+    pose = true_pose + np.array([50.0, 0.0])[:, None, None] * [1, 0, 0]
+    run = dataclasses.replace(run, trials=dataclasses.replace(run.trials, true_pose=true_pose, pose=pose))
+    assert run.recovered_within_3 == 1 / 4
+    assert figure_of(pool([run])[0], "recovered_within_3").value == 1 / 4
 
 
 def test_the_interval_of_a_share_is_never_narrower_than_wilsons():
