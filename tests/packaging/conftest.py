@@ -2,11 +2,10 @@
 
 import site
 import sys
-import tarfile
 import venv
 
 import pytest
-from building import ROOMS, build, copy_checkout, run, unpack
+from building import ROOMS, build, build_both, copy_checkout, run
 
 
 @pytest.fixture
@@ -15,23 +14,14 @@ def checkout(tmp_path):
 
 
 @pytest.fixture(scope="session")
-def sdist(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sdist")
-    return build("sdist", copy_checkout(folder / "checkout"), folder)
+def sdist_and_its_wheel(tmp_path_factory):
+    return build_both(tmp_path_factory.mktemp("both"))
 
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     return build("wheel", copy_checkout(folder / "checkout"), folder)
-
-
-@pytest.fixture(scope="session")
-def wheel_of_sdist(sdist, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel-of-sdist")
-    with tarfile.open(sdist) as archive:
-        unpack(archive, folder)
-    return build("wheel", folder / sdist.name.removesuffix(".tar.gz"), folder)
 
 
 @pytest.fixture

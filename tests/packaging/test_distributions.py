@@ -56,8 +56,8 @@ def test_a_wheel_holds_the_whole_package_and_nothing_else(wheel):
 
 
 @pytest.mark.long
-def test_the_wheel_of_the_source_archive_is_the_same(wheel, wheel_of_sdist):
-    assert files_of(wheel_of_sdist) == files_of(wheel)
+def test_the_wheel_of_the_source_archive_is_the_same(wheel, sdist_and_its_wheel):
+    assert files_of(sdist_and_its_wheel[1]) == files_of(wheel)
 
 
 @pytest.mark.long
@@ -98,9 +98,9 @@ def test_a_checkout_without_a_folder_is_not_built(checkout, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_description_is_one_that_an_index_accepts(wheel, sdist, tmp_path):
+def test_the_description_is_one_that_an_index_accepts(wheel, sdist_and_its_wheel, tmp_path):
     pytest.importorskip("twine", reason="`make test-slow` installs it")
-    run(sys.executable, "-m", "twine", "check", "--strict", wheel, sdist, cwd=tmp_path)
+    run(sys.executable, "-m", "twine", "check", "--strict", wheel, sdist_and_its_wheel[0], cwd=tmp_path)
 
 
 @pytest.mark.slow
