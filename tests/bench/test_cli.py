@@ -109,12 +109,14 @@ def test_a_run_that_is_asked_for_the_bound_shows_and_keeps_it(here, tmp_path):
 
 
 def test_json_is_one_object_and_nothing_else_on_standard_output(here):
-    result = here("run", *SMALL, "--json", "--letters", "AE")
+    result = here("run", *SMALL, "--json", "--letters", "AE", "--seed", "7")
     answer = json.loads(result.stdout)
-    wanted = "estimator options letters trials readings seed accuracy accuracy_low accuracy_high error_mm "
-    wanted += "all_right_from settled_95 seconds work versions"
+    wanted = "estimator options letters trials readings accuracy accuracy_low accuracy_high error_mm "
+    wanted += "all_right_from settled_95 seconds work"
     assert set(wanted.split(" ")) <= set(answer)
-    assert answer["letters"] == ["A", "E"]
+    assert (answer["letters"], answer["seed"]) == (["A", "E"], 7)
+    assert {"python", "tactsim", "numpy", "mujoco", "numba"} <= answer["versions"].keys()
+    assert {"processor", "cores", "system"} <= answer["machine"].keys()
     assert len(answer["accuracy"]) == len(answer["error_mm"]) == 4
     assert {"scan", "fit", "update_per_reading", "update_p99", "total"} <= set(answer["seconds"])
     assert {"likelihood_evaluations", "presses", "skipped"} <= set(answer["work"])

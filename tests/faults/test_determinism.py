@@ -72,11 +72,3 @@ def test_the_order_of_the_letters_changes_no_trial(answer, first):
         assert [one[name] for name in exact] == [other[name] for name in exact]
         # Probabilities are normalised by a sum over the letters in another order.
         assert float(one["p_truth"]) == pytest.approx(float(other["p_truth"]), rel=1e-12)
-
-
-@pytest.mark.long
-def test_a_result_names_its_seed_versions_and_machine(first):
-    printed, _ = first
-    assert printed["seed"] == 7
-    assert {"python", "tactsim", "numpy", "mujoco", "numba"} <= printed["versions"].keys()
-    assert {"processor", "cores", "system"} <= printed["machine"].keys()
