@@ -90,18 +90,15 @@ LONG = (
 @pytest.mark.long
 @pytest.mark.parametrize(
     "chosen",
-    [pytest.param(one, marks=[pytest.mark.slow] if one.name in LONG else []) for one in QUICK],
+    [
+        pytest.param(one, marks=[] if one.quick and one.name not in LONG else pytest.mark.slow)
+        for one in EVERY
+    ],
     ids=lambda one: one.name,
 )
-def test_quick_case(chosen):
+def test_case(chosen):
     outcome = run_case(chosen)
     assert outcome.passed, f"{outcome.worst} at {outcome.at}; the limit is {chosen.limit}: {chosen.because}"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("chosen", [one for one in EVERY if not one.quick], ids=lambda one: one.name)
-def test_other_case(chosen):
-    test_quick_case(chosen)
 
 
 # For each a fault in the code under it: what is replaced, and by what.
