@@ -111,7 +111,7 @@ def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):
         assert figure._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(InputError, match="no maps"):
         again.plot_maps()
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match=r"cannot write.*holds something already"):
         run.save(folder)
 
 
@@ -220,8 +220,6 @@ def test_scans_to_train_on_are_taken_as_scans_and_as_files(scan, tmp_path):
 
 def test_nothing_is_written_over(run, tmp_path):
     run.save(tmp_path / "run")
-    with pytest.raises(InputError, match="holds something already"):
-        run.save(tmp_path / "run")
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match="it is a folder"):
         run.report(tmp_path / "run")
