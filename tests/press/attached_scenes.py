@@ -112,7 +112,7 @@ def roll(force, radius, half, angle=0.0, x=0.0, y=0.0):
 
 
 def springs(pad, gap, force, *, fine=0.01, beyond=5.0):
-    """Press a height field on a bed of springs by brute force: the taxels (taxels,) kPa, and the force on the pad, N.
+    """Press a height field on springs by brute force: (taxels,) kPa, the force on the pad, N, and the depth, mm.
 
     gap: of x and y, mm, how far what presses is above the pad where it first touches; infinite where there is none.
     The layer has 1 N/mm^3. fine: mm. What lies beside the pad up to `beyond` mm away is pressed, too.
@@ -132,7 +132,7 @@ def springs(pad, gap, force, *, fine=0.01, beyond=5.0):
     load[:, (x < x_low) | (x > x_high)] = 0
 
     kpa = 1e3 * (felt(y, pad.row_edges, 1.0).T @ load @ felt(x, pad.column_edges, 1.0)).ravel()
-    return kpa, load.sum()
+    return kpa, load.sum(), depth
 
 
 def within(contours, x, y):

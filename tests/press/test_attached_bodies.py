@@ -40,7 +40,7 @@ def gap_of(boxes):
 )
 def test_boxes_of_one_body_are_one_face(boxes):
     _, _, reading = settle("".join(box(*each) for each in boxes), pose='pos="0 0 1e-5"')
-    truth, inside = springs(PAD, gap_of(boxes), reading.force)
+    truth, inside, _ = springs(PAD, gap_of(boxes), reading.force)
     assert errors(reading.kpa, truth)[1] < 0.001
     assert reading.outside == pytest.approx(reading.force - inside, abs=5e-4)
 
@@ -67,7 +67,7 @@ def test_a_round_foot_that_mujoco_does_not_feel_is_carried_by_the_layer():
         ]
         return np.minimum(*lower)
 
-    truth, _ = springs(PAD, gap, 2 * reading.force)  # of 1 N/mm^3, twice as much
+    truth, *_ = springs(PAD, gap, 2 * reading.force)  # of 1 N/mm^3, twice as much
     assert errors(2 * reading.kpa, truth)[1] < 0.01
 
 
@@ -82,7 +82,7 @@ def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
     def gap(x, y):
         return np.where(within(letter.contours, x / np.cos(tilt), -y), (5 - x) * np.tan(tilt), np.inf)
 
-    truth, _ = springs(PAD, gap, reading.force, fine=0.02, beyond=16)
+    truth, *_ = springs(PAD, gap, reading.force, fine=0.02, beyond=16)
     assert errors(reading.kpa, truth)[1] < 0.01
 
 
@@ -158,7 +158,7 @@ def test_an_array_spans_the_boxes_of_a_link():
     reading = press_on(link, object_geom='<geom type="box" size=".02 .02 .002" pos="0 0 .00201" mass=".2"/>')
     assert reading.force == pytest.approx(0.2 * 9.81, rel=1e-3)
     assert reading.outside == pytest.approx(0, abs=1e-6)
-    truth, _ = springs(PAD, gap_of(small), reading.force)
+    truth, *_ = springs(PAD, gap_of(small), reading.force)
     assert errors(reading.kpa, truth)[1] < 0.02  # the lattice samples the steps between the boxes
 
 
