@@ -63,14 +63,14 @@ NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 class Gathered:
     """The readings of a run, which letters are tried, and what it took to get them.
 
-    solids: what the error needs of each object in space; None in the plane.
+    objects: what the error needs of each, which does not depend on how much of the readings is trained on.
     """
 
     scan: Scan
     letters: tuple[str, ...]
     work: dict[str, Any]
     seconds: float
-    solids: Mapping[str, Placement] | None = None
+    objects: Mapping[str, Any]
 
 
 def perform(
@@ -99,7 +99,7 @@ def perform(
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     if isinstance(config, RunConfig):
         check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
-    plan = plan_of(config, gathered.scan, estimator, gathered.solids)
+    plan = plan_of(config, gathered.scan, estimator, gathered.objects)
     tasks = trials or tasks_of(config, gathered.letters)
 
     fitting = perf_counter()
@@ -245,12 +245,14 @@ def gather(
     known = letters
     if train is not None and config.letters is None:  # what is tested may be fewer than what is known
         letters = tuple(letter for letter in letters if len(scan.where("test", letter))) or letters
-    scan = scan.of_letters(known).untrained(_held_out(config, letters))
+    scan = scan.of_letters(known)
+    origin = object_origin(scan)
+    objects = properties(seen_from(scan, origin))
+    scan = scan.untrained(_held_out(config, letters))
     if config.train_presses is not None:
         scan = scan.with_train_presses(config.train_presses, stream(config.seed, "train_presses"))
     # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
-    scan = seen_from(scan, object_origin(scan))
-    return Gathered(scan, letters, work, perf_counter() - start)
+    return Gathered(seen_from(scan, origin), letters, work, perf_counter() - start, objects)
 
 
 def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
@@ -277,16 +279,16 @@ def train_scan(config: RunConfig) -> Scan:
 
 
 def plan_of(
-    config: Config, scan: Scan, given: Estimator | None = None, solids: Mapping[str, Placement] | None = None
+    config: Config, scan: Scan, given: Estimator | None = None, objects: Mapping[str, Placement] | None = None
 ) -> TrialPlan:
-    """Put together what a worker needs to do this run's trials on these readings. solids: of `Gathered`."""
+    """Put together what a worker needs to do this run's trials on these readings. objects: of `Gathered`."""
     if not isinstance(config, RunConfig):
         from tactsim.bench.space.touching import SolidPress
 
         press: Press | None = SolidPress(config.scan_options, config.hand)
         return TrialPlan(
             config.estimator, config.options, scan, config.readings, config.seed, config.explore, press=press,
-            given=given, solids=solids,
+            given=given, objects=objects,
         )  # fmt: skip
     press = None
     if config.on_demand:
@@ -306,6 +308,7 @@ def plan_of(
         given,
         config.each_held_out,
         config.presses is not None,
+        objects,
     )
 
 
@@ -362,7 +365,7 @@ def finished_run(
     return Run(
         config=config.model_dump(mode="json"),
         about=about,
-        objects=dict(gathered.solids or properties(scan)),
+        objects=dict(gathered.objects),
         work=gathered.work | work | {"skipped": gathered.work["skipped"] | work["skipped"]},
         trials=trials,
         times=times,

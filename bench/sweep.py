@@ -202,7 +202,7 @@ def perform(
             _check_sources(folder, whole)
         gathered = _gather_all(todo, jobs=jobs, cache=cache, progress=progress)
         plans = {
-            name: plan_of(config, gathered[name].scan, solids=gathered[name].solids)
+            name: plan_of(config, gathered[name].scan, objects=gathered[name].objects)
             for name, config in todo.items()
         }
         tasks = {name: tasks_of(config, gathered[name].letters) for name, config in todo.items()}

@@ -490,7 +490,7 @@ class TrialPlan:
     the trials, for each letter those of its first trial, then the next. forward: what makes the forward model of a
     scan, for an estimator that asks for one. given: an estimator made in Python, as it is or pickled for a worker; None
     if `estimator` is a registered name. each_held_out: whether the letter of a trial is left out of what the estimator
-    knows. solids: what the error needs of each object in space; None in the plane, where the scan says it.
+    knows. objects: what the error needs of each; by default what the scan says of them.
     """
 
     estimator: str
@@ -505,7 +505,7 @@ class TrialPlan:
     given: Estimator | bytes | None = None
     each_held_out: bool = False
     measured: bool = False
-    solids: Mapping[str, Placement] | None = None
+    objects: Mapping[str, Placement] | None = None
 
     def test_readings(self, task: OneTrial) -> Scan:
         """Give the test readings of a letter that a trial may take.
@@ -594,7 +594,7 @@ def run_trials(
 
     progress("trials", done, total) is called after each.
     """
-    objects = plan.solids or properties(plan.scan)
+    objects = plan.objects or properties(plan.scan)
     work: Counter[str] = Counter()
     done: list[Trials] = []
     progress("trials", 0, len(tasks))

@@ -22,7 +22,7 @@ from tactsim.bench.leaderboard.bundle import COMPARED, DONE, Bundle, kept, round
 from tactsim.bench.leaderboard.limited import Limits, NoScore, Wanted, limited_runs
 from tactsim.bench.leaderboard.submit import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.placement import Properties, properties
+from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task, names
@@ -355,13 +355,15 @@ def _fault(run: Run, config: RunConfig, gathered: Gathered) -> str | None:
         return "its trials are not those of the task: some are missing, or there are more"
     nobody = Witness()
     # What is pressed on demand need not be pressed: where the object is does not depend on it.
-    plan = replace(experiment.plan_of(config, gathered.scan, nobody), press=None, explore="random")
+    plan = replace(
+        experiment.plan_of(config, gathered.scan, nobody, gathered.objects), press=None, explore="random"
+    )
     given = rounded(run_trials(plan, nobody, tasks, progress=experiment.silent)[0])
     if not np.array_equal(given.known, run.trials.known):
         return "it says otherwise than the task which letters are known"
     if not np.allclose(given.true_pose, run.trials.true_pose, rtol=0, atol=0.005):  # a step more or less
         return "an object lies elsewhere than the task puts it (true_x, true_y, true_theta)"
-    if not _alike_objects(run.objects, properties(gathered.scan)):
+    if not _alike_objects(run.objects, gathered.objects):
         return "what it says of the objects (symmetry, centre, inertia) is not what the task says"
     return None
 

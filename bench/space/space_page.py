@@ -218,4 +218,4 @@ def _keep(seen: list[tuple[Estimate, Touch]], estimate: Estimate, touch: Touch) 
 def _plan_anew(run: Run) -> TrialPlan:
     config = checked(SpaceConfig, run.config, "run")
     gathered = gather(config, jobs=1, cache=True, progress=silent)
-    return plan_of(config, gathered.scan, solids=gathered.solids)
+    return plan_of(config, gathered.scan, objects=gathered.objects)

@@ -48,7 +48,7 @@ def gather_in_space(config: SpaceConfig, *, progress: Progress) -> Gathered:
             )
     return Gathered(
         scan.of_letters(names), names, work, perf_counter() - start,
-        solids={solid.name: Surface.of(solid) for solid in solids},
+        objects={solid.name: Surface.of(solid) for solid in solids},
     )  # fmt: skip
 
 

@@ -251,3 +251,13 @@ def test_a_run_learns_from_as_few_presses_as_are_asked_for(tmp_path):
     assert readings_of(load(tmp_path / "few"), {}).digest == few.plan.scan.digest
     with pytest.raises(InputError, match="A has 192 training presses; 500 are asked for"):
         tactsim.run(**words, train_presses=500)
+
+
+def test_errors_are_measured_alike_however_few_presses_are_learned_from():
+    pressed = tactsim.scan(letters="AE", test_poses="random")
+    scan = replace(pressed, meta={name: of for name, of in pressed.meta.items() if name != "objects"})
+    words = {"estimator": "nearest", "scan": scan, "trials": 2, "readings": 3}
+    whole = tactsim.run(**words)
+    assert whole.objects == tactsim.run(**words, train_presses=5).objects
+    assert whole.objects == tactsim.run(**words, hold_out="A").objects
+    assert whole.objects["A"].centre == pytest.approx((0, 0), abs=2)

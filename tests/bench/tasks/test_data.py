@@ -103,8 +103,7 @@ def altered(monkeypatch, change):
     """Let the press give a scan that was changed."""
 
     def changed(config, **words):
-        gathered = gather(config, **words)
-        return replace(gathered, scan=change(gathered.scan))
+        return gather(config, scan=change(gather(config, **words).scan), **words)
 
     monkeypatch.setattr(data, "gather", changed)
 
