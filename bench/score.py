@@ -90,11 +90,15 @@ def error_limits(errors: Iterable[ArrayLike], bounds: ArrayLike = ()) -> tuple[f
 
 
 def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:
-    """Bound a proportion with Wilson's 95 % score interval (Wilson 1927)."""
+    """Bound a proportion with Wilson's 95 % score interval (Wilson 1927).
+
+    The proportion lies within it: at 0 the interval begins at 0, and at 1 it ends at 1.
+    """
     p = np.asarray(successes, dtype=float) / count
     middle = (p + Z_95**2 / (2 * count)) / (1 + Z_95**2 / count)
     half = Z_95 / (1 + Z_95**2 / count) * np.sqrt(p * (1 - p) / count + Z_95**2 / (4 * count**2))
-    return np.clip(middle - half, 0, 1), np.clip(middle + half, 0, 1)
+    # By rounding alone an end may lie on the wrong side of p, and a plot refuses an error bar that is below 0.
+    return np.clip(middle - half, 0, p), np.clip(middle + half, p, 1)
 
 
 def settled_at(right: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -335,10 +335,11 @@ def cell(one: Pooled, figure: str) -> str:
 def in_digits(found: Figure, least: int) -> list[str]:
     """Write a known figure and, if it has one, its interval, with so many decimals that the interval's ends differ.
 
-    least: how many at least. There are at most six: closer ends count as one, and need no more than the least.
+    least: how many at least. There are at most six: closer ends count as one, and need no more than the least. What is
+    rounded to 0 has no sign.
     """
     numbers = [number for number in (found.value, found.low, found.high) if number is not None]
-    rounded = [[f"{number:.{digits}f}" for number in numbers] for digits in range(least, 7)]
+    rounded = [[f"{number:z.{digits}f}" for number in numbers] for digits in range(least, 7)]
     return next((texts for texts in rounded if len(set(texts[1:])) > 1), rounded[0])
 
 

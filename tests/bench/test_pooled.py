@@ -75,6 +75,8 @@ def test_figures_are_those_of_all_trials():
     assert in_digits(Figure(1.0, 1.0, 1.0), 2) == ["1.00", "1.00", "1.00"]
     assert in_digits(Figure(0.0, 1e-9, 2e-9), 2) == ["0.00"] * 3
     assert in_digits(Figure(0.0, 1e-6, 2e-6), 2) == ["0.000000", "0.000001", "0.000002"]
+    assert in_digits(Figure(-4e-17, -1 / 3, 2e-17), 3) == ["0.000", "-0.333", "0.000"]  # no -0.000
+    assert in_digits(Figure(-4e-17, -1e-17, 2e-17), 3) == ["0.000"] * 3
     none = one.mean(one.trials.right[:, 0], of=np.zeros(4, dtype=bool))
     assert dataclasses.astuple(none) == (None, None, None)
 

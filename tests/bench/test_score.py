@@ -39,6 +39,9 @@ def test_wilson_interval_has_the_published_values():
     low, high = wilson([0, 5, 10], 10)  # Newcombe 1998, method 3
     assert np.allclose(low, [0, 0.2366, 0.7225], atol=1e-4)
     assert np.allclose(high, [0.2775, 0.7634, 1], atol=1e-4)
+    for count in range(1, 200):
+        low, high = wilson([0, count], count)
+        assert (low[0], high[1]) == (0, 1)
 
 
 def test_settling_counts_from_the_last_mistake():
