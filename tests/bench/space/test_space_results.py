@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_up_space import make_space_run
 
+from tactsim.bench import formats
 from tactsim.bench.results import load
 from tactsim.bench.runs.naming import task_name
 from tactsim.bench.trials import SpaceTrials
@@ -35,6 +36,16 @@ def test_a_run_is_read_back_to_the_bit(folder, tmp_path):
     assert again.save(tmp_path / "again")
     for path in folder.iterdir():
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
+
+
+def test_hdf5_says_of_all_three_axes_of_a_place_that_they_are_in_millimetres(tmp_path):
+    import h5py
+
+    formats.write(make_space_run(), tmp_path / "run.h5", "hdf5")
+    with h5py.File(tmp_path / "run.h5") as file:
+        for of in ("", "true_", "start_"):
+            assert [file[f"{of}{axis}"].attrs["unit"] for axis in "xyz"] == ["mm"] * 3
+            assert "unit" not in file[f"{of}qw"].attrs
 
 
 @pytest.mark.parametrize("missing", ["trials.csv", "times.csv", "times.json", "objects.npz"])
