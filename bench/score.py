@@ -97,7 +97,7 @@ def wilson(successes: ArrayLike, count: int) -> tuple[FloatArray, FloatArray]:
     p = np.asarray(successes, dtype=float) / count
     middle = (p + Z_95**2 / (2 * count)) / (1 + Z_95**2 / count)
     half = Z_95 / (1 + Z_95**2 / count) * np.sqrt(p * (1 - p) / count + Z_95**2 / (4 * count**2))
-    # By rounding alone an end may lie on the wrong side of p, and a plot refuses an error bar that is below 0.
+    # By rounding alone an end may lie on the wrong side of p, and an error bar would be negative.
     return np.clip(middle - half, 0, p), np.clip(middle + half, p, 1)
 
 
