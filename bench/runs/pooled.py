@@ -35,7 +35,7 @@ from tactsim.bench.score import (
 )
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
-from tactsim.core.errors import short, unknown
+from tactsim.core.errors import counted, short, unknown
 from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
@@ -293,7 +293,19 @@ def pool(runs: Iterable[Run]) -> list[Pooled]:
             )
         seen.add(key)
     kinds = list(dict.fromkeys((one.protocol, one.task) for one in pools))
-    return sorted(pools, key=lambda one: kinds.index((one.protocol, one.task)))
+    pools.sort(key=lambda one: kinds.index((one.protocol, one.task)))
+    return [_told_apart(one, pools) for one in pools]
+
+
+def _told_apart(one: Pooled, pools: Sequence[Pooled]) -> Pooled:
+    """Mark a pool by its readings or trials if others of its protocol and task are called alike and have others."""
+    alike = [of for of in pools if (of.protocol, of.task, of.label) == (one.protocol, one.task, one.label)]
+    mark = []
+    if len({of.readings for of in alike}) > 1:
+        mark.append(counted(one.readings, "touch" if one.run.in_space else "reading"))
+    if len({of.run.config["trials"] for of in alike}) > 1:
+        mark.append(counted(one.run.config["trials"], "trial"))
+    return replace(one, mark=", ".join(mark))
 
 
 def _pooled(runs: Iterable[tuple[Path | None, Run]], pool_seeds: bool) -> list[Pooled]:

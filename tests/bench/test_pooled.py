@@ -37,7 +37,12 @@ def test_runs_that_differ_in_the_seed_alone_are_pooled():
 
 def test_runs_of_other_readings_or_trials_are_apart_and_the_same_twice_is_refused():
     run = make_run()
-    assert len(pool([run, with_seed(make_run(r=5), 1), with_seed(run, 2, trials=7)])) == 3
+    others = with_seed(make_run(r=5), 1), with_seed(run, 2, trials=7)
+    marks = "4 readings, 2 trials", "5 readings, 2 trials", "4 readings, 7 trials"
+    assert [one.label for one in pool([run, *others])] == [
+        f"histogram, 10,000 bins ({mark})" for mark in marks
+    ]
+    assert [one.mark for one in pool([run, others[0]])] == ["4 readings", "5 readings"]
     with pytest.raises(InputError, match="histogram is there twice"):
         pool([run, make_run(seed=4)])
 
