@@ -246,12 +246,12 @@ def gather(
     if train is not None and config.letters is None:  # what is tested may be fewer than what is known
         letters = tuple(letter for letter in letters if len(scan.where("test", letter))) or letters
     scan = scan.of_letters(known)
+    # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
     origin = object_origin(scan)
     objects = properties(seen_from(scan, origin))
     scan = scan.untrained(_held_out(config, letters))
     if config.train_presses is not None:
         scan = scan.with_train_presses(config.train_presses, stream(config.seed, "train_presses"))
-    # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
     return Gathered(seen_from(scan, origin), letters, work, perf_counter() - start, objects)
 
 

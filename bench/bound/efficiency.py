@@ -56,9 +56,7 @@ def bound_curves(
     and right, over the mean bound of the same trials. Before ENOUGH of the trials are determined the bound is the
     prior's, and bound_mm and efficiency are None.
     """
-    counted = determined(bounds, trials)
-    share = counted.mean(axis=0)
-    enough = share >= ENOUGH
+    counted = stated(bounds, trials)
     named = counted & trials.named
     of_named = (
         np.where(named, errors(trials, objects), 0).sum(axis=0),
@@ -68,10 +66,19 @@ def bound_curves(
         mean = np.where(counted, bounds, 0).sum(axis=0) / counted.sum(axis=0)
         ratio = of_named[0] / of_named[1]
     return {
-        "bound_mm": _where(enough, mean),
-        "determined": share.tolist(),
-        "efficiency": _where(enough & named.any(axis=0), ratio),
+        "bound_mm": _where(counted.sum(axis=0) > 0, mean),
+        "determined": determined(bounds, trials).mean(axis=0).tolist(),
+        "efficiency": _where(named.sum(axis=0) > 0, ratio),
     }
+
+
+def stated(bounds: FloatArray, trials: Trials) -> NDArray[np.bool_]:
+    """Tell which trials a mean bound is of: those that are determined, at readings that determine ENOUGH of them.
+
+    bounds: (n, r) mm, or (n,) at one reading.
+    """
+    counted = determined(bounds, trials)
+    return counted & (counted.mean(axis=0) >= ENOUGH)
 
 
 def determined(bounds: FloatArray, trials: Trials) -> NDArray[np.bool_]:

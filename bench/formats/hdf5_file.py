@@ -39,8 +39,8 @@ _DATASETS = {
     "moments": (("press",), "", "the share of its press's load at which each reading was taken"),
     "views": (("press",), "", "which of its object's pictures each reading belongs to"),
 }
-_PLACES = (f"{of}{axis}" for of in ("", "true_", "start_") for axis in "xyz")  # in the plane some of these
-_OF_TRIALS = dict.fromkeys((*_PLACES, "radius_90"), "mm")
+_PLACES = [f"{of}{axis}" for of in ("", "true_", "start_") for axis in "xyz"]  # in the plane some of these
+_OF_TRIALS = dict.fromkeys([*_PLACES, "radius_90"], "mm")
 _OF_TRIALS |= {"theta": "rad", "true_theta": "rad", "update_s": "s", "estimate_s": "s", "propose_s": "s"}
 
 

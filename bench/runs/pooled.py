@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
@@ -390,28 +390,20 @@ def _recovered(one: Pooled) -> Figure:
     return one.ratio(found, jumps)
 
 
-def _determined(one: Pooled, k: int) -> NDArray[np.bool_] | None:
-    """Tell which trials (n,) are determined by k + 1 readings; None where the mean bound would be the prior's."""
-    from tactsim.bench.bound.efficiency import ENOUGH, determined  # most runs do without that room
+def _bound(one: Pooled, k: int) -> Figure:
+    from tactsim.bench.bound.efficiency import stated  # most runs do without that room
 
     if one.bounds is None:
-        return None
-    counted = determined(one.bounds[:, k], one.trials)
-    return counted if counted.mean() >= ENOUGH else None
-
-
-def _bound(one: Pooled, k: int) -> Figure:
-    counted = _determined(one, k)
-    if one.bounds is None or counted is None:
         return Figure(None, None, None)
-    return one.mean(one.bounds[:, k], of=counted)
+    return one.mean(one.bounds[:, k], of=stated(one.bounds[:, k], one.trials))
 
 
 def _efficiency(one: Pooled, k: int) -> Figure:
-    counted = _determined(one, k)
-    if one.bounds is None or counted is None:
+    from tactsim.bench.bound.efficiency import stated
+
+    if one.bounds is None:
         return Figure(None, None, None)
-    chosen = counted & one.trials.named[:, k]
+    chosen = stated(one.bounds[:, k], one.trials) & one.trials.named[:, k]
     return one.ratio(np.where(chosen, one.errors[:, k], 0), np.where(chosen, one.bounds[:, k], 0))
 
 
