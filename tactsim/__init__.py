@@ -7,7 +7,7 @@
     run.accuracy[4]  # share of the trials that are right after five readings
 
 Packages, each importing only those before it: `core`, `models`, `press`, `estimators` and `hardware`, `bench`, `env`,
-which is an extra.
+which is an extra; and beside them `attach`, taxels on anybody's MuJoCo model.
 Everything is imported when it is first used.
 """
 
@@ -50,7 +50,7 @@ _HOME = {
     "bench.results": ("Run",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
-_ROOMS = ("bench", "core", "env", "estimators", "hardware", "models", "press")
+_ROOMS = ("attach", "bench", "core", "env", "estimators", "hardware", "models", "press")
 
 __all__ = [
     "WORLDS",

@@ -17,7 +17,7 @@ from scipy.special import ndtr
 
 from tactsim import Pad, models
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "press"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "support"))
 from attached_scenes import within
 
 Array = NDArray[np.float64]

@@ -5,9 +5,8 @@ here: what is learned from readings (estimators), or how a real pad is read (har
 
 `engine` chooses who presses: `exact`, `balance` (the engine bed, over `bed`, `clip`, `levels` and `scene`), `collide`
 with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `force_control` goes through time.
-`spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. `attached_pad`, with
-`pad_surface`, `geom_gap`, `layer_balance`, `pad_press` and `pad_reader`, reads a pad on a geom of anybody's MuJoCo
-model.
+`spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. A pad on a geom of anybody's MuJoCo
+model is the room `tactsim.attach`, whose names are found here, too.
 
 `press_model` predicts readings, and their derivatives, for estimators that press by themselves. The package `space`
 touches objects in space from any side.
@@ -28,29 +27,29 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
+    from tactsim.attach.attached_pad import AttachedPad, attach, bind
+    from tactsim.attach.pad_reader import PadReader, PadReading
     from tactsim.models import Letter
-    from tactsim.press.attached_pad import AttachedPad, attach, bind
     from tactsim.press.engine import Press, press_letter
-    from tactsim.press.pad_reader import PadReader, PadReading
     from tactsim.press.press_model import PressModel, forward_model
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
     from tactsim.press.scanning import scan_letters
 
 _HOME = {
-    "AttachedPad": "attached_pad",
-    "PadReader": "pad_reader",
-    "PadReading": "pad_reader",
-    "PressModel": "press_model",
-    "attach": "attached_pad",
-    "bind": "attached_pad",
-    "forward_model": "press_model",
-    "PressOptions": "scan_options",
-    "ScanOptions": "scan_options",
-    "SensorOptions": "scan_options",
-    "WORLDS": "scan_options",
-    "Press": "engine",
-    "press_letter": "engine",
-    "scan_letters": "scanning",
+    "AttachedPad": "attach.attached_pad",
+    "PadReader": "attach.pad_reader",
+    "PadReading": "attach.pad_reader",
+    "attach": "attach.attached_pad",
+    "bind": "attach.attached_pad",
+    "PressModel": "press.press_model",
+    "forward_model": "press.press_model",
+    "PressOptions": "press.scan_options",
+    "ScanOptions": "press.scan_options",
+    "SensorOptions": "press.scan_options",
+    "WORLDS": "press.scan_options",
+    "Press": "press.engine",
+    "press_letter": "press.engine",
+    "scan_letters": "press.scanning",
 }
 
 __all__ = [
@@ -104,4 +103,4 @@ sys.modules[__name__].__class__ = CallablePackage
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"tactsim.{_HOME[name]}"), name)

@@ -84,7 +84,7 @@ def _laid(
     """
     import mujoco
 
-    from tactsim.press.pad_surface import pad_surface
+    from tactsim.attach.pad_surface import pad_surface
 
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{body.upper()}")
     half_length = float(np.abs([low[1], high[1]]).max())

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactsim.attach.geom_gap import FACETED, Body, Pose, among, union_gaps
+from tactsim.attach.layer_balance import approach, balance
+from tactsim.attach.pad_kernels import Carried, Taxels, spread_forces
+from tactsim.attach.pad_surface import Face, Lines, dot, lay_lines, place, stepped
 from tactsim.core.compiling import Bools1D, Int32s2D, Ints1D, Reals1D, Reals2D, Reals3D, compiled
-from tactsim.press.geom_gap import FACETED, Body, Pose, among, union_gaps
-from tactsim.press.layer_balance import approach, balance
-from tactsim.press.pad_kernels import Carried, Taxels, spread_forces
-from tactsim.press.pad_surface import Face, Lines, dot, lay_lines, place, stepped
 
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
 _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which is a part of it

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.attach.geom_gap import Body, Pose, body_of, measure
+from tactsim.attach.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, Pose, body_of, measure
-from tactsim.press.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes
 
 _MM = 1e3  # mm in a metre
 _SEEN = 200  # points along each axis of the grid that finds the body's outline

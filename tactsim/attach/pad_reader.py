@@ -20,13 +20,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.attach.geom_gap import Body, body_of
+from tactsim.attach.pad_kernels import Taxels
+from tactsim.attach.pad_press import Contacts, Frames, press
+from tactsim.attach.pad_surface import PadSurface
 from tactsim.core.errors import InputError, short
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import Body, body_of
-from tactsim.press.pad_kernels import Taxels
-from tactsim.press.pad_press import Contacts, Frames, press
-from tactsim.press.pad_surface import PadSurface
 
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2

@@ -15,14 +15,14 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from tactsim.attach.geom_gap import body_of
+from tactsim.attach.pad_reader import Layer, PadReader, touchable
+from tactsim.attach.pad_relief import relief_surface
+from tactsim.attach.pad_surface import PadSurface, pad_surface
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.press.geom_gap import body_of
-from tactsim.press.pad_reader import Layer, PadReader, touchable
-from tactsim.press.pad_relief import relief_surface
-from tactsim.press.pad_surface import PadSurface, pad_surface
 
 _THIN = 1.0  # mm between two arrays, below which they are on each other
 _WITHIN = 0.01  # mm from an array's rim to the first of the points that may not lie on another array

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactsim.attach.pad_surface import Lines, dot
 from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
-from tactsim.press.pad_surface import Lines, dot
 
 
 class Carried(NamedTuple):

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from tactsim.attach.pad_kernels import SMALL, STEEP, cut, enter, unite
+from tactsim.attach.pad_surface import Lines
 from tactsim.core.compiling import Bools1D, Ints1D, Ints2D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.press.pad_kernels import SMALL, STEEP, cut, enter, unite
-from tactsim.press.pad_surface import Lines
 
 _MM = 1e3  # mm in a metre
 FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
