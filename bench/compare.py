@@ -149,7 +149,7 @@ def _check_same_trials(base: Run, new: Run) -> None:
                 raise InputError(f"{name} is of another shape in each run; give both the same --shape")
     if base.in_space:
         if not alike:
-            from tactsim.bench.space.space_config import SpaceConfig  # runs in the plane do without its room
+            from tactsim.solids.config import SpaceConfig  # runs in the plane do without its room
 
             align = what_to_align(base.config, new.config, _OF_TRIALS_IN_SPACE, SpaceConfig)
             raise InputError(f"the runs did not hide the same objects at the same poses; {align}")

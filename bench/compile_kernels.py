@@ -17,7 +17,7 @@ from pathlib import Path
 from tactsim.core.compiling import HOLDS_KERNELS
 from tactsim.core.source_digest import python_files
 
-_SELDOM_NEEDED = ("tactsim.estimators.space.", "tactsim.press.")
+_SELDOM_NEEDED = ("tactsim.solids.", "tactsim.attach.", "tactsim.press.")
 
 
 def compile_kernels(left_out: tuple[str, ...]) -> None:

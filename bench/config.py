@@ -26,8 +26,8 @@ from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
-    from tactsim.bench.space.space_config import SpaceConfig
     from tactsim.press import ScanOptions
+    from tactsim.solids.config import SpaceConfig
 
 
 def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
@@ -475,7 +475,7 @@ def any_config(**words: Any) -> RunConfig | SpaceConfig:
     """
     if words.get("task") != SOLIDS:
         return run_config(**words)
-    from tactsim.bench.space.space_config import space_config  # imports this module
+    from tactsim.solids.config import space_config  # imports this module
 
     return space_config(**words)
 

@@ -50,8 +50,8 @@ from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
 
 if TYPE_CHECKING:
-    from tactsim.bench.space.space_config import SpaceConfig
     from tactsim.estimators.pad_fit import PadFit
+    from tactsim.solids.config import SpaceConfig
 
 Config: TypeAlias = "RunConfig | SpaceConfig"
 
@@ -122,7 +122,7 @@ def perform(
     )
     if not fitted.in_space:
         return replace(run, plan=plan, maps=maps_of(fitted))
-    from tactsim.estimators.space.space_field import surfaces_of
+    from tactsim.solids.field import surfaces_of
 
     return replace(run, plan=plan, maps=surfaces_of(fitted))
 
@@ -204,7 +204,7 @@ def gather(
     not fit together.
     """
     if not isinstance(config, RunConfig):
-        from tactsim.bench.space.space_runner import gather_in_space  # runs in the plane do without its room
+        from tactsim.solids.runner import gather_in_space  # runs in the plane do without its room
 
         return gather_in_space(config, progress=progress)
     if config.sequences and (config.on_demand or config.presses is not None):
@@ -283,7 +283,7 @@ def plan_of(
 ) -> TrialPlan:
     """Put together what a worker needs to do this run's trials on these readings. objects: of `Gathered`."""
     if not isinstance(config, RunConfig):
-        from tactsim.bench.space.touching import SolidPress
+        from tactsim.solids.touching import SolidPress
 
         press: Press | None = SolidPress(config.scan_options, config.hand)
         return TrialPlan(
@@ -337,7 +337,7 @@ def finished_run(
         said, bounds = _said_in_plane(config, gathered, trials, estimator)
         about |= said
     else:
-        from tactsim.bench.space.space_runner import about_in_space
+        from tactsim.solids.runner import about_in_space
 
         about |= about_in_space(config, scan)
     about |= {

@@ -280,7 +280,7 @@ class Run:
         if self.in_space:
             if ax is not None:
                 raise InputError("ax is for runs in the plane; a run in space draws three figures of its own")
-            from tactsim.bench.space.pictures import touches_figure
+            from tactsim.solids.pictures import touches_figure
 
             return touches_figure(self)
         from tactsim.bench.runs.figures import draw_curves, readings_figure
@@ -290,7 +290,7 @@ class Run:
     def plot_maps(self) -> Picture:
         """Draw the learned occupancy maps (the paper's figure 4), or surfaces. Raises InputError if there are none."""
         if self.in_space:
-            from tactsim.bench.space.pictures import surfaces_figure
+            from tactsim.solids.pictures import surfaces_figure
 
             return surfaces_figure(self.maps)
         from tactsim.bench.runs.figures import maps_figure
@@ -542,7 +542,7 @@ def save(run: Run, folder: Path) -> None:
     write_text(folder / "run.json", to_json(about))
     layout = _PLANE
     if run.in_space:
-        from tactsim.bench.space.surface_distance import save_surfaces
+        from tactsim.solids.surface_distance import save_surfaces
 
         save_surfaces(run.objects, folder / "objects.npz")
         layout = _SPACE
@@ -564,7 +564,7 @@ def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     """Give what run.json and times.json say of a run."""
     about = {"config": run.config, **run.about}
     if run.in_space:
-        from tactsim.bench.space.surface_distance import symmetries_of
+        from tactsim.solids.surface_distance import symmetries_of
 
         about |= {"schema": _SPACE.schema, "task": SOLIDS, "symmetries": symmetries_of(run.objects)}
         about["objects"] = about.pop("letters")
@@ -628,7 +628,7 @@ def load(path: str | Path) -> Run:
     surfaces = None
     try:
         if in_space:
-            from tactsim.bench.space.surface_distance import load_surfaces
+            from tactsim.solids.surface_distance import load_surfaces
 
             stated = checked(_SpaceAbout, about, "run.json").symmetries
             surfaces, hold_out, shapes = (

@@ -249,7 +249,7 @@ def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
     """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
     if not scan.in_space:
         return draw_true_pose(rng, offsets(scan.taxel_xy), poses_unknown=poses_unknown(scan.meta))
-    from tactsim.bench.space.touching import draw_pose_in_space  # runs in the plane do without its room
+    from tactsim.solids.touching import draw_pose_in_space  # runs in the plane do without its room
 
     return draw_pose_in_space(rng)
 

@@ -67,11 +67,11 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "baseline without a belief: the one pose that fits best, by branch and bound",
     ),
     "space-refined": (
-        "tactsim.estimators.space.space_refined:SpaceRefinedFilter",
+        "tactsim.solids.refined:SpaceRefinedFilter",
         "objects in space: coarse-to-fine over cells of poses, then particles",
     ),
     "space-tempered": (
-        "tactsim.estimators.space.space_refined:SpaceTemperedFilter",
+        "tactsim.solids.refined:SpaceTemperedFilter",
         "objects in space: particles laid on the first contact, moved by their spread",
     ),
 }

@@ -13,7 +13,7 @@ from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter, relief
 from tactsim.models.shapes import shape
 
 if TYPE_CHECKING:
-    from tactsim.models.solids import Solid, mirrored, read_solid_file, solid, solid_names
+    from tactsim.solids import Solid, mirrored, read_solid_file, solid, solid_names
 
 __all__ = [
     "ConvexPart",
@@ -37,4 +37,4 @@ def __getattr__(name: str) -> Any:
     # Letters do without solids, and a press of letters does not depend on them.
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("tactsim.models.solids"), name)
+    return getattr(import_module("tactsim.solids"), name)

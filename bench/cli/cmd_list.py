@@ -120,7 +120,7 @@ def _scan_options() -> list[Row]:
 
 
 def _solid_options() -> list[Row]:
-    from tactsim.press.space import SpaceOptions
+    from tactsim.solids import SpaceOptions
 
     return [("--scan-set NAME=VALUE", "default", ""), *_fields(SpaceOptions)]
 

@@ -76,9 +76,9 @@ def command(
 
 def _scan_solids(words: Words, out: Path) -> None:
     from tactsim.bench.console import plain_console
-    from tactsim.bench.space.space_config import scan_words
     from tactsim.bench.terminal import progress_bars, work_line
-    from tactsim.press.space import scan_solids
+    from tactsim.solids import scan_solids
+    from tactsim.solids.config import scan_words
 
     options = scan_words(**words).scan_options
     with progress_bars() as progress:

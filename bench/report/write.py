@@ -65,7 +65,7 @@ def write_pages(
     if any(in_space):
         if not all(in_space):
             raise InputError("a report is of runs in the plane or of runs with objects in space; make two")
-        from tactsim.bench.space.space_page import write_space_page
+        from tactsim.solids.page import write_space_page
 
         return write_space_page({folder.name: run for folder, run in runs}, out, remarks, progress=progress)
     scans: dict[str, Scan] = {}

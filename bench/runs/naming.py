@@ -85,7 +85,7 @@ def _standard(run: Run) -> BaseModel:
     """Give the options of a scan by default."""
     if not run.in_space:
         return ScanOptions()
-    from tactsim.press.space import SpaceOptions
+    from tactsim.solids import SpaceOptions
 
     return SpaceOptions()
 

@@ -96,7 +96,7 @@ def scan_options() -> Iterator[str]:
 
 def solid_options() -> Iterator[str]:
     """Write every option of a scan of solids but those of its pad and sensor, which are a scan's."""
-    from tactsim.press.space import SpaceOptions
+    from tactsim.solids import SpaceOptions
 
     rows = [row for row in fields(SpaceOptions) if not row[0].startswith(("`pad.", "`sensor."))]
     yield from table(("option", "default", "what it is"), rows)

@@ -9,10 +9,10 @@ import numpy as np
 
 from tactsim.core import rigid
 from tactsim.core.poses import FloatArray
-from tactsim.core.space_scan import SpaceScan
 from tactsim.estimators.contract import checks
 from tactsim.estimators.contract.checks import Case
 from tactsim.estimators.estimator import Estimator
+from tactsim.solids.solid_scan import SpaceScan
 
 
 class SpaceCase(Case):

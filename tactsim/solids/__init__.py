@@ -1,0 +1,65 @@
+"""Objects in space: solids that a pad touches from any side, recognised at any pose in SE(3).
+
+Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `solid_files`, `symmetry`.
+How it is touched: `press` over `pad_lattice` and `touch_kernels`, `scanning`, hands of several pads (`pads_on_hand`).
+How it is recognised: maps of surfaces on voxels, what a touch says of a pose (`learning`, `field`, `refined`).
+How it is run and scored: `config`, `touching`, `runner`, `surface_distance`, `pictures`, `page`. The core imports none
+of it. Names are imported when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tactsim.solids.body import Solid, mirrored, solid_of
+    from tactsim.solids.catalogue import solid, solid_names
+    from tactsim.solids.options import SpaceOptions
+    from tactsim.solids.pads_on_hand import Hand, HandPress
+    from tactsim.solids.press import SpacePress, Touched
+    from tactsim.solids.scanning import random_starts, scan_solids, solids_of, touch_grid
+    from tactsim.solids.solid_files import read_solid_file
+    from tactsim.solids.symmetry import SpaceSymmetry
+
+_HOME = {
+    "Hand": "pads_on_hand",
+    "HandPress": "pads_on_hand",
+    "Solid": "body",
+    "SpaceOptions": "options",
+    "SpacePress": "press",
+    "SpaceSymmetry": "symmetry",
+    "Touched": "press",
+    "mirrored": "body",
+    "random_starts": "scanning",
+    "read_solid_file": "solid_files",
+    "scan_solids": "scanning",
+    "solid": "catalogue",
+    "solid_names": "catalogue",
+    "solid_of": "body",
+    "solids_of": "scanning",
+    "touch_grid": "scanning",
+}
+
+__all__ = [
+    "Hand",
+    "HandPress",
+    "Solid",
+    "SpaceOptions",
+    "SpacePress",
+    "SpaceSymmetry",
+    "Touched",
+    "mirrored",
+    "random_starts",
+    "read_solid_file",
+    "scan_solids",
+    "solid",
+    "solid_names",
+    "solid_of",
+    "solids_of",
+    "touch_grid",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -1,0 +1,130 @@
+"""The quick look at poses, the steps that it takes, and the search that begins with it."""
+
+import numpy as np
+import pytest
+import toy_solids as toy
+from numba import njit
+
+from tactsim.core import rigid
+from tactsim.solids import screen_kernels
+from tactsim.solids.pose_steps import advance_about, shortened, solve
+from tactsim.solids.screen_kernels import PadWay, Slack, TouchPoints, screen
+from tactsim.solids.voxels import sparse
+
+BLOCK = toy.Box((15.0, 10.0, 6.0))
+WIDTH = 0.4
+LATTICE = np.zeros((1, 2))
+
+
+def charted(solid, cell=0.8, reach=30.0):
+    axis = np.arange(-reach, reach + cell, cell)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    return sparse(np.full(3, -reach), cell, solid.distance(grid).astype(np.float32), 5.0)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return charted(BLOCK)
+
+
+def points_on(solid, count, rng):
+    """Six points on a surface for each of `count` touches, in a sensor's frame that is the object's."""
+    points, _ = solid.surface(6 * count, rng)
+    point = np.concatenate([points, np.full((6 * count, 1), 0.5)], axis=1).reshape(count, 6, 4)
+    return TouchPoints(
+        np.tile(rigid.IDENTITY, (count, 1)), np.ascontiguousarray(point), np.full(count, 6),
+        np.zeros((count, 1, 3)), np.zeros(count, dtype=np.int64), np.full(count, 1e3),
+    )  # fmt: skip
+
+
+def looked(voxels, touches, poses, steps, turn=0.0, shift=0.0, least=-np.inf):
+    poses, score = np.array(poses), np.zeros(len(poses))
+    slack = Slack(np.zeros(3), turn, shift, WIDTH)
+    screen(voxels, touches, PadWay(LATTICE, 20.0), poses, slack, steps, least, score)
+    return poses, score
+
+
+def test_a_look_without_steps_weighs_distances_and_moves_nothing(block):
+    rng = np.random.default_rng(0)
+    touches = points_on(BLOCK, 4, rng)
+    at = np.concatenate(
+        [rng.normal(0, 0.3, (30, 3)), rigid.from_vector(rng.normal(0, 0.02, (30, 3)))], axis=1
+    )
+    poses, score = looked(block, touches, at, 0, turn=0.05, shift=0.5)
+    np.testing.assert_array_equal(poses, at)
+    for n in range(30):
+        places = rigid.transform(rigid.invert(at[n]), touches.point[:, :, :3].reshape(-1, 3)).reshape(4, 6, 3)
+        center = rigid.transform(rigid.invert(at[n]), np.zeros((1, 3)))[0]
+        variance = WIDTH**2 + 0.5**2 + 0.05**2 * ((places - center) ** 2).sum(-1)
+        away = toy.distances(block, np.ascontiguousarray(places.reshape(-1, 3)))
+        half = 0.5 * away.reshape(4, 6) ** 2 / variance
+        lost = (0.5 * half / (1 + half / screen_kernels._BOUND)).sum(axis=1)
+        assert score[n] == pytest.approx(-(lost / (1 + lost / screen_kernels._MOST)).sum())
+
+
+def test_steps_bring_touched_points_onto_the_surface(block):
+    rng = np.random.default_rng(1)
+    touches = points_on(BLOCK, 8, rng)
+    off = np.concatenate([rng.normal(0, 1.5, (200, 3)), rng.normal(0, 0.12, (200, 3))], axis=1)
+    at = np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1)
+    before = looked(block, touches, at, 0)[1]
+    poses, after = looked(block, touches, at, 6, turn=0.2, shift=2.5)
+    reached = (np.linalg.norm(poses[:, :3], axis=1) < 0.3) & (
+        rigid.angle_between(poses[:, 3:], rigid.IDENTITY[3:]) < 0.03
+    )
+    assert reached.mean() > 0.9
+    assert np.median(before) < -30
+    assert np.median(after) > -1
+
+
+def test_steps_free_the_pads_way(block):
+    """A pad whose way lies 1.5 mm inside of the block is moved out of it."""
+    touches = TouchPoints(
+        np.array([[0.0, 0, -30, 1, 0, 0, 0]]), np.zeros((1, 1, 4)), np.zeros(1, dtype=np.int64),
+        np.array([[[16.0 - 1.5 - 1.0, 0.0, 30.0]]]), np.ones(1, dtype=np.int64), np.full(1, 1e3),
+    )  # fmt: skip
+    poses, _ = looked(block, touches, rigid.IDENTITY[None], 5, turn=0.05, shift=2.0)
+    place = rigid.transform(rigid.invert(poses[0]), np.array([[13.5, 0.0, 0.0]]))
+    assert BLOCK.distance(place)[0] > -0.3
+
+
+@njit
+def solved(matrix, vector):
+    solve(matrix, vector)
+    return vector
+
+
+@njit
+def advanced_about(pose, anchor, center, step, by):
+    advance_about(pose, anchor, center, step, by)
+    return pose
+
+
+@njit
+def part(step, shift, turn):
+    return shortened(step, shift, turn)
+
+
+def test_six_equations_are_solved():
+    rng = np.random.default_rng(2)
+    root = rng.standard_normal((6, 8))
+    matrix, vector = root @ root.T, rng.standard_normal(6)
+    np.testing.assert_allclose(solved(matrix.copy(), vector.copy()), np.linalg.solve(matrix, vector))
+
+
+def test_a_step_about_a_place_keeps_it_where_it_is_but_for_its_shift():
+    rng = np.random.default_rng(4)
+    pose = np.concatenate([rng.normal(0, 9, 3), rigid.random_rotations(1, rng)[0]])
+    center = rng.normal(0, 9, 3)
+    anchor = rigid.transform(pose, center[None])[0]
+    step = np.concatenate([rng.normal(0, 2, 3), rng.normal(0, 0.1, 3)])
+    moved = advanced_about(pose.copy(), anchor, center, step, 0.5)
+    np.testing.assert_allclose(rigid.transform(moved, (center - 0.5 * step[:3])[None])[0], anchor)
+    assert rigid.angle_between(moved[3:], pose[3:]) == pytest.approx(0.5 * np.linalg.norm(step[3:]), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("step", "by"), [([1, 0, 0, 0, 0, 0], 1.0), ([4, 0, 0, 0, 0, 0], 0.5), ([0, 0, 0, 0, 0.8, 0], 0.25)]
+)
+def test_a_long_step_is_shortened(step, by):
+    assert part(np.array(step, dtype=float), 2.0, 0.2) == pytest.approx(by)

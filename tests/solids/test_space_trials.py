@@ -1,0 +1,71 @@
+"""What is hidden and where it is touched: the draws of trials in space, and who gets how many."""
+
+import numpy as np
+import pytest
+
+from tactsim.bench.placement import certainty
+from tactsim.core import rigid
+from tactsim.estimators import Estimate, PoseSamples
+from tactsim.solids import SpaceOptions
+from tactsim.solids.surface_distance import Surface
+from tactsim.solids.touching import HALF_BOX, SolidPress, draw_pose_in_space, draw_starts, outside_of
+
+
+def test_touches_start_before_anything_that_the_object_can_be_and_aim_into_the_box():
+    outside = outside_of(30.0)
+    starts = draw_starts(2000, outside, np.random.default_rng(0))
+    normal = rigid.turned(starts[:, 3:], [0.0, 0, 1])
+    # The object's farthest point: its origin in a corner of the box, its radius beyond.
+    corners = HALF_BOX * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    farthest = corners[None] - 30.0 * normal[:, None]
+    before = np.einsum("nkj,nj->nk", farthest - starts[:, None, :3], normal)
+    assert before.min() >= -1e-9
+    assert np.abs(np.einsum("ij,ij->i", starts[:, :3], normal) + outside).max() < 1e-9
+    # The line of the stroke comes nearest to the origin where it crosses the plane through it; it aims into the box.
+    aim = starts[:, :3] + (np.arange(0, 2 * outside, 0.5)[:, None, None]) * normal
+    assert (np.abs(aim).max(axis=2).min(axis=0) <= HALF_BOX + 0.5).all()
+
+
+def test_directions_and_turns_are_even():
+    starts = draw_starts(4000, 60.0, np.random.default_rng(1))
+    for vector in np.eye(3):
+        turned = rigid.turned(starts[:, 3:], vector)
+        assert np.abs(turned.mean(axis=0)).max() < 0.05
+        assert np.abs((turned[:, :, None] * turned[:, None]).mean(axis=0) - np.eye(3) / 3).max() < 0.03
+
+
+def test_the_hidden_pose_is_in_the_box_and_its_rotation_even():
+    rng = np.random.default_rng(2)
+    hidden = rigid.invert(np.array([draw_pose_in_space(rng) for _ in range(3000)]))
+    assert np.abs(hidden[:, :3]).max() <= HALF_BOX
+    assert np.abs(hidden[:, :3]).max() > 0.99 * HALF_BOX
+    # The angle of an even rotation has the density (1 - cos a) / pi, of mean pi / 2 + 2 / pi.
+    angle = rigid.angle_between(hidden[:, 3:], [1.0, 0, 0, 0])
+    assert abs(angle.mean() - (np.pi / 2 + 2 / np.pi)) < 0.05
+
+
+def test_touches_of_a_trial_are_of_its_seed_its_object_and_its_number():
+    press = SolidPress(SpaceOptions(objects=("nut", "egg"), points=8))
+    touches, again = press.touches("nut", 0, 3), press.touches("nut", 0, 3)
+    starts = touches.offer(rigid.IDENTITY)
+    assert np.array_equal(again.offer(rigid.IDENTITY), starts)
+    first = touches.take(0, rigid.IDENTITY)
+    assert np.array_equal(again.take(0, rigid.IDENTITY).reading, first.reading)
+    for trial in (("nut", 0, 4), ("egg", 0, 3), ("nut", 1, 3)):
+        other = press.touches(*trial)
+        assert not np.isin(other.offer(rigid.IDENTITY), starts).any()
+        other._truth, other._starts = "nut", starts  # what disturbs the same touch is another draw, too
+        assert not np.array_equal(other.take(0, rigid.IDENTITY).reading, first.reading)
+
+
+def test_certainty_of_a_belief_that_is_a_line_of_shifts():
+    of = Surface(np.random.default_rng(3).normal(size=(32, 3)), np.array([[1.0, 0, 0, 0]]))
+    estimate, true = rigid.IDENTITY.copy(), rigid.IDENTITY.copy()
+    poses = np.tile(rigid.IDENTITY, (1000, 1))
+    poses[:, 0] = np.linspace(0, 1, 1000)
+    true[0] = 0.3
+    belief = Estimate("a", {"a": 1.0}, estimate, PoseSamples(poses, np.full(1000, 1e-3)))
+    found = certainty(belief, true, of)
+    assert found.credibility == pytest.approx(0.3, abs=0.01)
+    assert found.radius == pytest.approx(0.9, abs=0.01)
+    assert np.isnan(certainty(Estimate("a", {"a": 1.0}, estimate), true, of).radius)
