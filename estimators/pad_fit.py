@@ -38,7 +38,7 @@ _SCALE = 36.0  # kPa, the median scale of simulated presses with 2 N on the pape
 # A reading touches if its scale is above this share of that which a tenth of the readings exceed.
 _TOUCHES = 0.2
 # Options that are lengths, mm; `reach` and `motion` may be words, too.
-_LENGTHS = ("sigma", "cell", "noise_mm", "kld_mm")
+_LENGTHS = ("sigma", "cell", "noise_mm")
 # What is tried, in mm and kPa of the paper's pad; cells are as fine beside sigma as the defaults are. A ratio below the
 # paper's is not tried: of single touches it may say more, and yet sequences are recognised less often.
 _TRIED = {

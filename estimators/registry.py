@@ -26,10 +26,6 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.particle:AugmentedFilter",
         "particle filter that injects random particles",
     ),
-    "tempered": (
-        "tactsim.estimators.filters.tempered:TemperedFilter",
-        "particles, a population a letter, moved by their spread",
-    ),
     "refined": (
         "tactsim.estimators.filters.refined:RefinedFilter",
         "coarse-to-fine histogram: the best bins are halved again",
@@ -54,26 +50,22 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.bag_of_features:BagOfFeatures",
         "baseline without poses: how often a letter gives each kind of reading",
     ),
-    "mlp": (
-        "tactsim.estimators.filters.mlp:Mlp",
-        "baseline without poses: a neural network names each reading's letter; extra learned",
-    ),
     "spectrum": (
         "tactsim.estimators.filters.spectrum:Spectrum",
         "baseline without poses: the spectrum of whole presses, whatever their turn, and a linear classifier",
-    ),
-    "scan-matching": (
-        "tactsim.estimators.filters.scan_matching:ScanMatching",
-        "baseline without a belief: the one pose that fits best, by branch and bound",
     ),
     "space-refined": (
         "tactsim.solids.refined:SpaceRefinedFilter",
         "objects in space: coarse-to-fine over cells of poses, then particles",
     ),
-    "space-tempered": (
-        "tactsim.solids.refined:SpaceTemperedFilter",
-        "objects in space: particles laid on the first contact, moved by their spread",
-    ),
+}
+
+# Estimators that were given up, and what to take instead.
+_GIVEN_UP = {
+    "tempered": "take refined, which is better in every figure",
+    "scan-matching": "take refined, which is better in every figure",
+    "space-tempered": "take space-refined",
+    "mlp": "install the plug-in examples/mlp, which brings it",
 }
 
 
@@ -109,4 +101,6 @@ def load(name: str) -> type[Estimator]:
     """Import the class of that name. Raises InputError if there is none or it is no Estimator."""
     if not isinstance(name, str):
         raise InputError(f"estimator {short(name)}: give a name, one of {', '.join(names())}")
+    if name in _GIVEN_UP and name not in names():
+        raise InputError(f"estimator {name} is no longer built in: {_GIVEN_UP[name]}")
     return cast("type[Estimator]", _ESTIMATORS.load(name))

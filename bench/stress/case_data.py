@@ -20,7 +20,6 @@ from tactsim.press import WORLDS, ScanOptions, forward_model, scan_letters
 
 USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
 # What takes long to train is trained little: a case asks what the estimator takes and answers, not how good it is.
-_QUICK: dict[str, dict[str, int]] = {"mlp": {"rounds": 4, "hidden": 32}}
 
 
 @cache
@@ -67,10 +66,9 @@ def every_estimator(
     for name in names():
         try:
             kind = load(name)
-            options = _QUICK.get(name, {} if kind.budget is None else {kind.budget: budget})
-            create(name, **options)
         except InputError:
-            continue  # a broken plug-in, of which `bench list` says so, or an extra that is not installed
+            continue  # a broken plug-in, of which `bench list` says so
+        options = {} if kind.budget is None else {kind.budget: budget}
         if not (kind.in_space or (learning and kind.uses_forward_model)):
             found.append((name, options))
     return found

@@ -422,7 +422,7 @@ def nothing_said(worst: Worst) -> None:
 
 @case(
     "filters.after-nonsense",
-    varied="3 readings that no letter gives, then 30 good ones, for every estimator but mlp and those that draw",
+    varied="3 readings that no letter gives, then 30 good ones, for every estimator but those that draw",
     deviation="letters of 3 that are not found again",
     limit=0,
     because="a belief in logs loses no state for good",
@@ -434,8 +434,6 @@ def after_nonsense(worst: Worst) -> None:
     for name, budget in every_estimator():
         if draws(name):
             continue  # they may stay at a wrong letter or place; docs/stress.md says how they find the right one again
-        if name == "mlp":
-            continue  # trained as little as here, it is wrong now and then without nonsense too
         estimator = fitted(name, scan, **budget)
         for label in scan.letters:
             readings, poses, _ = hidden(scan, label, 33, seed=10)

@@ -1,4 +1,4 @@
-"""Objects that move between touches: the kernel of a step on the grid, and the frames in which steps are taken."""
+"""Objects that move between touches: the frames in which steps are taken."""
 
 from __future__ import annotations
 
@@ -7,30 +7,6 @@ import numpy as np
 from tactsim.bench.stress.case import Worst, case
 from tactsim.core import compose, wrap_angle
 from tactsim.estimators.filters.motion import parse_motion
-from tactsim.estimators.filters.moving_bins import heat_kernel
-
-
-@case(
-    "motion.heat-kernel",
-    varied="1 to 40 bins and rings of them, variances of 1e-8 to 100 bins squared",
-    deviation="mass, variance far from the ends, and two half steps against one, from what they must be",
-    limit=1e-9,
-    because="the kernel is the solution of the heat equation on the grid, to rounding",
-)
-def heat(worst: Worst) -> None:
-    """Check what a kernel on the grid must hold, whatever its size beside a bin."""
-    for bins in (1, 2, 3, 16, 40):
-        for ring in (False, True) if bins > 2 else (False,):
-            for variance in (1e-8, 1e-3, 0.2, 1.0, 100.0):
-                at = f"{bins} bins{', a ring' * ring}, variance {variance}"
-                kernel = heat_kernel(bins, variance, ring=ring)
-                half = heat_kernel(bins, variance / 2, ring=ring)
-                worst.see(np.abs(kernel.sum(axis=0) - 1), at)
-                worst.see(np.abs(half @ half - kernel), at)
-                worst.see(-kernel.min(), at)
-                if bins == 40 and variance <= 1:
-                    moved = kernel[:, 20] @ (np.arange(40) - 20.0) ** 2
-                    worst.see(abs(moved / variance - 1) if variance > 1e-6 else 0, at)
 
 
 @case(

@@ -29,7 +29,7 @@ READINGS, EARLY, TRIALS = 60, 8, 5
 LETTERS = (5, 36, 200)
 SIDES = (6, 16, 32)  # taxels along each side of a pad of 11.4 mm
 WIDTH = 11.4  # mm
-LONG = {"histogram": 10_000, "refined": 1_000, "force-mosaic": 1_000, "tempered": 1_000}
+LONG = {"histogram": 10_000, "refined": 1_000, "force-mosaic": 1_000}
 GROWING = ("histogram", "refined", "force-mosaic")
 
 

@@ -162,7 +162,6 @@ class BinnedBelief:
 
     def __init__(self, field: LikelihoodField, grid: StateGrid, *, skip: bool = False) -> None:
         self._field, self._grid, self._skip = field, grid, skip
-        self._taken_in = 0
         x, y, angle = grid.centres
         self._lattice = field.lattice(np.array([x[0], y[0]]), np.array(grid.spacing[:2]))
         self._turns = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -176,7 +175,10 @@ class BinnedBelief:
 
     def reset(self) -> None:
         """Make all bins of all letters equally probable."""
-        self._forget(0)
+        self._taken_in = 0  # readings, with the last update
+        self._belief.log_p[:] = 0
+        self._belief.peak[:] = 0
+        self._belief.seen[:] = 0
         self._best, self._least = 0.0, -math.inf
 
     def update(self, within: float, keep: int = 0) -> tuple[int, int]:
@@ -193,41 +195,28 @@ class BinnedBelief:
         new, self._taken_in = count - self._taken_in, count
         return bins, new * every - bins
 
-    def of_last_reading(self) -> FloatArray:
-        """Give log p(last reading | bin) of all bins (letters, angles, rows, columns); earlier ones are forgotten."""
-        self._forget(len(self._field) - 1)
-        self.update(math.inf)
-        return self._belief.log_p
-
     def summary(self) -> tuple[FloatArray, NDArray[np.int64]]:
         """Sum the bins of each letter (eq. 14), relative to the best bin, and find its mode (eq. 15): (letters,) each.
 
         A mode is a flat index into (angles, rows, columns).
         """
-        letters, count = len(self._field.labels), len(self._field)
+        letters = len(self._field.labels)
         mass, mode = np.empty(letters), np.empty(letters, dtype=np.int64)
-        summarise(self._belief, count, self._best, self._least, mass, mode)
+        summarise(self._belief, self._taken_in, self._best, self._least, mass, mode)
         return mass, mode
 
     def samples(self, letter: int, within: float) -> PoseSamples:
         """Give the bins of a letter that are less than `within` nats below the best bin."""
-        flat, log_p = bins_from(self._belief, len(self._field), self._best - within, letter, letter + 1)
+        flat, log_p = bins_from(self._belief, self._taken_in, self._best - within, letter, letter + 1)
         size = np.repeat(np.array(self._grid.spacing)[:, None], len(flat), axis=1)
         return pose_samples(self._grid.states(flat), Weights(log_p), size)
 
     @property
     def listed(self) -> tuple[NDArray[np.int64], FloatArray]:
         """List the bins that `update` was asked for: flat indices into (letters, angles, y, x), and log-beliefs."""
-        return bins_from(self._belief, len(self._field), self._least, 0, len(self._field.labels))
+        return bins_from(self._belief, self._taken_in, self._least, 0, len(self._field.labels))
 
     def log_belief(self) -> FloatArray:
         """Give the log-belief of all bins: (letters, angles, rows, columns); of those left alone -inf."""
-        current = self._belief.seen == len(self._field)
+        current = self._belief.seen == self._taken_in
         return np.where(current[:, :, None, None], self._belief.log_p, -np.inf)
-
-    def _forget(self, readings: int) -> None:
-        """Make all bins equally probable, as if after so many readings."""
-        self._taken_in = readings
-        self._belief.log_p[:] = 0
-        self._belief.peak[:] = 0
-        self._belief.seen[:] = readings

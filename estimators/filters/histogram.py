@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -14,9 +14,6 @@ from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.options import FilterOptions
-
-if TYPE_CHECKING:
-    from tactsim.estimators.filters.moving_bins import MovingBins
 
 # Nats below the best bin from which a bin is left out of the belief about the pose: all of them hold next to nothing.
 _IN_BELIEF = 20.0
@@ -41,7 +38,6 @@ class HistogramFilter(GridFilter):
     """
 
     options_type: type[Options] = HistogramOptions
-    moves = True
     options: HistogramOptions
 
     def __init__(self, options: HistogramOptions) -> None:
@@ -49,13 +45,7 @@ class HistogramFilter(GridFilter):
         self._bounds = self._skipped = 0
 
     def _fit(self) -> None:
-        self._belief: BinnedBelief | MovingBins
-        if self.motion is not None:
-            from tactsim.estimators.filters.moving_bins import MovingBins
-
-            self._belief = MovingBins(self.field, self.grid, self.motion)
-        else:
-            self._belief = BinnedBelief(self.field, self.grid, skip=self.options.skip)
+        self._belief = BinnedBelief(self.field, self.grid, skip=self.options.skip)
         every = len(self.labels) * self.grid.bins
         self._margin = math.log(every / _NEGLIGIBLE) if self.options.skip else math.inf
 
@@ -63,10 +53,10 @@ class HistogramFilter(GridFilter):
         self._belief.reset()
 
     def measure(self) -> None:
-        """Multiply the belief by the likelihood of the last reading (eq. 13), after the motion if there is one."""
+        """Multiply the belief by the likelihood of the last reading (eq. 13)."""
         bins, skipped = self._belief.update(self._margin)
         self._evaluated += bins
-        self._bounds += len(self.labels) * self.grid.angle if self.options.skip and self.motion is None else 0
+        self._bounds += len(self.labels) * self.grid.angle if self.options.skip else 0
         self._skipped += skipped
 
     def own_estimate(self) -> Estimate:

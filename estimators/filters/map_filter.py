@@ -64,7 +64,7 @@ class MapFilter(Estimator):
     pad_fit: units and options that were fitted to the scan's pad; None if that was not asked for. With it, all that
     the filter holds, but for `options` and `maps`, is in mm and kPa of the paper's pad, as `fitted_options` are.
     motion: how the object moves between touches; None if it lies still. moving: the belief that follows the motion,
-    beside the filter's own; None without a motion, and for a filter that follows it by itself (`moves`).
+    beside the filter's own; None without a motion.
     open_set: what says "none of these"; None if the options give that no probability.
 
     An object of several views has a map of each, which counts as a letter in all that the filter does. What it answers
@@ -73,8 +73,6 @@ class MapFilter(Estimator):
 
     options_type: type[Options] = FilterOptions
     options: FilterOptions
-    # Whether the filter's own belief follows `motion`.
-    moves = False
     # Whether a touch may have been made under any of the loads that were trained.
     mixes_loads = False
     # By what power the likelihood of so many readings counts in the belief; None for 1, however many there are.
@@ -109,7 +107,7 @@ class MapFilter(Estimator):
             from tactsim.estimators.filters.motion import parse_motion
 
             self.motion = parse_motion(options.motion)
-            if self.motion is not None and not self.moves:
+            if self.motion is not None:
                 from tactsim.estimators.filters.moving import MovingBelief
 
                 self.moving, self.draws = MovingBelief(self, self.motion), True

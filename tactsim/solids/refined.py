@@ -1,4 +1,4 @@
-"""The coarse-to-fine filter in space, and tempered particles that are born of its cells."""
+"""The coarse-to-fine filter in space, and particles that are born of its cells."""
 
 from __future__ import annotations
 
@@ -227,20 +227,6 @@ class SpaceRefinedFilter(Estimator):
 
     def _check_started(self, call: str) -> None:
         check_order(self._started, "reset" if self.labels else "fit", call)
-
-
-class SpaceTemperedOptions(SpaceRefinedOptions):
-    """Options of the tempered particles in space."""
-
-    searches: int = Field(1, ge=1, le=10_000, description="contacts up to which cells are searched anew")
-    particles: int = Field(1000, ge=8, le=1_000_000, description="n_P, over all objects together")
-
-
-class SpaceTemperedFilter(SpaceRefinedFilter):
-    """More particles, and fewer searches: one at the first contact, and ever fewer later."""
-
-    options_type = SpaceTemperedOptions
-    budget = "particles"
 
 
 def alike(field: SpaceField) -> NDArray[np.int64]:

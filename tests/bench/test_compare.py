@@ -123,7 +123,7 @@ def test_runs_of_other_trials_or_protocols_are_not_compared():
             {"seed": 1, "shapes": ["a.stl"], "scan": "a.npz"},
             "same trials; give both the same --seed, --shape, --scan",
         ),
-        ({"estimator": "tempered", "bins": 5}, "same trials; their options are the same"),
+        ({"estimator": "particle", "bins": 5}, "same trials; their options are the same"),
     ],
 )
 def test_every_option_is_named_that_makes_the_trials_others(changes, said):

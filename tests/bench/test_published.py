@@ -32,9 +32,3 @@ def test_letters_that_were_held_out_are_refused_within_ten_readings():
     ]
     assert np.mean([one.summary["refused_unknown"][9] for one in runs]) >= 0.95
     assert max(one.summary["refused_known"][9] for one in runs) <= 0.02
-
-
-def test_tempered_particles_are_right_within_twelve_readings():
-    summary = run(estimator="tempered", readings=20).summary
-    assert summary["all_right_from"] <= 12
-    assert summary["error_mm"][19] < 0.6

@@ -308,9 +308,7 @@ def test_counts_that_are_none_are_refused(counts):
         trials_of(broken, make_scan(), count=1)
 
 
-@pytest.mark.parametrize(
-    ("estimator", "size"), [("particle", "particles"), ("tempered", "particles"), ("histogram", "bins")]
-)
+@pytest.mark.parametrize(("estimator", "size"), [("particle", "particles"), ("histogram", "bins")])
 def test_the_smallest_estimators_are_scored_too(estimator, size, tmp_path):
     # With few particles only one is left of a letter: arrays of one row.
     make_scan(letters="AO").save(tmp_path / "scan.npz")

@@ -10,7 +10,7 @@ from tactsim import estimators
 from tactsim.bench.new.repository import contents
 from tactsim.estimators.contract import CHECKS, Case
 
-SPACE = ("space-refined", "space-tempered")  # they have a contract of their own: tests/estimators/space
+SPACE = ("space-refined",)  # it has a contract of its own: tests/solids
 # The last is by `bench new`, as a stranger would install it.
 NAMES = [name for name in (*estimators.names(), "my-estimator") if name not in SPACE]
 
@@ -32,8 +32,6 @@ def plug_in(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=quick_first(NAMES))
 def case(request):
-    if request.param == "mlp":
-        pytest.importorskip("sklearn", reason="needs scikit-learn")
     return Case(lambda: estimators.create(request.param, **CHEAPER.get(request.param, {})))
 
 

@@ -19,7 +19,6 @@ FAR = [(500.0, 0.0, 0.0), (-3000.0, 271.8, 0.0), (7000.0, 7000.0, 0.0), (1234.5,
 KINDS = {
     "histogram": {"split": "20x20x24"},
     "refined": {"cell": 0.8},
-    "scan-matching": {"split": "20x20x24"},
     "nearest": {},
 }
 # These take their time.

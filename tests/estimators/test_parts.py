@@ -44,9 +44,7 @@ def test_a_fit_to_the_pad_is_a_transformation_of_what_goes_in_and_comes_out(scan
     assert fitted.propose(poses) == plain.propose(units.poses(poses))
 
 
-@pytest.mark.parametrize(
-    "name", ["histogram", "particle", "augmented-mcl", "tempered", "refined", "scan-matching"]
-)
+@pytest.mark.parametrize("name", ["histogram", "particle", "augmented-mcl", "refined"])
 def test_a_filter_without_a_letter_leaves_the_sequence_of_the_whole_alone(scan, name):
     """A sequence of the whole filter with one of the copy in between, against one that nothing came between."""
     budget = {"particles": 300} if load(name).budget == "particles" else {"bins": 500}

@@ -16,9 +16,8 @@ ESTIMATORS = {
     "histogram": ["--estimator", "histogram", "--bins", "500"],
     "refined": ["--estimator", "refined", "--bins", "100"],
     "particle": ["--estimator", "augmented-mcl", "--particles", "200"],
-    "tempered": ["--estimator", "tempered", "--particles", "200"],
 }
-LONGER = ("histogram", "refined", "tempered")  # particles draw the most random numbers
+LONGER = ("histogram", "refined", "particle")  # particles draw the most random numbers
 
 
 @pytest.fixture(scope="module")

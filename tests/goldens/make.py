@@ -32,10 +32,10 @@ from typing import Any
 import numpy as np
 
 ESTIMATORS = (
-    *("histogram", "particle", "augmented-mcl", "tempered", "refined", "force-mosaic", "synthesis", "graded"),
-    *("nearest", "bag-of-features", "mlp", "scan-matching"),
+    *("histogram", "particle", "augmented-mcl", "refined", "force-mosaic", "synthesis", "graded"),
+    *("nearest", "bag-of-features"),
 )
-SPACE_ESTIMATORS = ("space-refined", "space-tempered")
+SPACE_ESTIMATORS = ("space-refined",)
 WORLDS = (  # slip's scan is that of default
     *("default", "level", "paper-like", "rough", "handheld", "ideal"),
     "resistive",

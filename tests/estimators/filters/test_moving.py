@@ -6,21 +6,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import fitted, fitted_anew, follow, make_scan, paper_poses, started
+from synthetic import fitted, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.bench.config import Slip
 from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
 from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
 from tactsim.estimators.filters.motion import Motion, parse_motion
-from tactsim.estimators.filters.moving_bins import heat_kernel
 from tactsim.estimators.filters.states import Weights
 
 MAP_FILTERS = {
     "histogram": {"bins": 1000, "cell": 0.8},
     "particle": {"particles": 4000, "cell": 0.8},
     "augmented-mcl": {"particles": 4000, "cell": 0.8},
-    "tempered": {"particles": 500, "cell": 0.8},
     "refined": {"bins": 1000, "cell": 0.8},
 }
 
@@ -71,7 +69,7 @@ def test_every_filter_follows_an_object_that_walks_away(two, name):
         off.append(np.hypot(*(invert(last.robot_in_object) - invert(true[-1]))[:2]))
     assert off[1] < 2.5
     assert off[2] < 2.5
-    if name in ("tempered", "refined"):
+    if name == "refined":
         assert off[0] > 2 * max(off[1:])
 
 
@@ -169,32 +167,6 @@ def test_the_path_of_an_object_is_where_it_was_at_each_touch(two):
     away = np.hypot(*(invert(path) - invert(true))[:, :2].T)
     assert np.median(away) < 1
     assert np.median(np.hypot(*(invert(last.robot_in_object) - invert(true))[:, :2].T)) > np.median(away)
-
-
-def test_bins_that_move_are_the_forward_algorithm_over_a_table_of_all_bins(small):
-    """A hidden Markov model's forward algorithm (Rabiner 1989), with the transition matrix written out."""
-    estimator = started("histogram", small, split="4x3x6", motion="2,0.3")
-    motion, grid = parse_motion("2,0.3"), estimator.grid
-    dx, dy, da = grid.spacing
-    along = 2**2 + 0.3**2 * grid.reach**2 / 3
-    transition = np.kron(
-        heat_kernel(6, (0.3 / da) ** 2, ring=True),
-        np.kron(heat_kernel(3, along / dy**2), heat_kernel(4, along / dx**2)),
-    )
-    readings, poses, _ = sequence(small, "T", 5)
-    p = np.full((len(small.letters), grid.bins), 1.0)
-    assert motion is not None
-    for number, (reading, pose) in enumerate(zip(readings, poses, strict=True)):
-        estimator.update(reading, pose)
-        if number:
-            p = p @ transition.T
-        x, y, theta = np.meshgrid(*grid.centres, indexing="ij")
-        state = np.stack([one.transpose(2, 1, 0).ravel() for one in (x, y, theta)])
-        log_p = np.stack([estimator.field.log_p(k, state, number) for k in range(len(p))])
-        p *= np.exp(log_p - log_p.max())
-        p /= p.sum()
-        found = np.exp(estimator.log_belief().reshape(p.shape))
-        assert np.allclose(found, p, rtol=1e-3, atol=1e-6)
 
 
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))

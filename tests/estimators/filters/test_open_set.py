@@ -72,7 +72,7 @@ def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
     few = Scan(
         scan.readings[::24], scan.poses[::24], scan.labels[::24], scan.split[::24], scan.taxel_xy, scan.meta
     )
-    estimator = create("tempered", unknown=0.3, particles=400)
+    estimator = create("refined", unknown=0.3, bins=1000)
     one = few.where("train", "E")
     estimator.fit(Scan(one.readings[:1], one.poses[:1], one.labels[:1], one.split[:1], one.taxel_xy))
     estimator.reset(np.random.default_rng(0))
@@ -96,7 +96,7 @@ def test_a_letter_that_was_not_learned_is_refused_and_the_others_are_not(scan, s
 def test_without_the_option_nothing_differs(scan):
     answers = []
     for unknown in (0, 1e-3):
-        estimator = fitted_anew("tempered", scan, unknown=unknown, particles=800)
+        estimator = fitted_anew("refined", scan, unknown=unknown, bins=1000)
         answers.append(follow(estimator, *draw_trial(scan, "I", 4, np.random.default_rng(2))[:2], 1)[-1])
     closed, opened = answers
     assert NONE not in closed.probabilities
@@ -109,5 +109,5 @@ def test_without_the_option_nothing_differs(scan):
 def test_a_letter_of_that_name_is_refused(scan):
     named = replace(scan, labels=np.where(scan.labels == "E", NONE, scan.labels.astype("U4")))
     with pytest.raises(InputError, match="'none'"):
-        create("tempered", unknown=0.1, particles=10).fit(named)
-    create("tempered", particles=10).fit(named)
+        create("refined", unknown=0.1, bins=1000).fit(named)
+    create("refined", bins=1000).fit(named)

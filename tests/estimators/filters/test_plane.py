@@ -10,10 +10,8 @@ NOT_SHOWING = (
     "synthesis",
     "nearest",
     "bag-of-features",
-    "mlp",
     "spectrum",
     "space-refined",
-    "space-tempered",
 )
 SHOWING = [name for name in estimators.names() if name not in NOT_SHOWING]
 
