@@ -8,8 +8,7 @@ with its `points`, `facets` (the engine relief) or `elastic`; `dynamics` with `f
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. A pad on a geom of anybody's MuJoCo
 model is the room `tactsim.attach`, whose names are found here, too.
 
-`press_model` predicts readings, and their derivatives, for estimators that press by themselves. The package `space`
-touches objects in space from any side.
+`press_model` predicts readings, and their derivatives, for estimators that press by themselves.
 
 The package can be called: `tactsim.press("A", pose=(1, 0, 0.5))` presses one letter once.
 
