@@ -22,7 +22,8 @@ from tactsim.core.errors import printable
 def render(
     template: str, *, scripts: Sequence[str] = (), styles: Sequence[str], policy: str = "", **context: Any
 ) -> str:
-    """Render a template that extends `pages/base.html`; all files are named from the folder `bench`.
+    """Render a template that extends `pages/base.html`; files are named from the folder `bench`,
+    or with a / in front from the package, as those of a room beside are.
 
     policy: what the page may do besides drawing itself, as directives of a Content-Security-Policy. context: what the
     template shows; `title` is one of it. Raises ValueError if data for a script hold NaN or an infinity.
@@ -42,7 +43,8 @@ def _hash(text: str) -> str:
 
 
 def _source(name: str) -> str:
-    return (files("tactsim.bench") / name).read_text(encoding="utf-8")
+    room, name = ("tactsim", name[1:]) if name.startswith("/") else ("tactsim.bench", name)
+    return (files(room) / name).read_text(encoding="utf-8")
 
 
 def _shown(value: Any) -> Any:

@@ -29,7 +29,7 @@ from tactsim.estimators.estimator import no_exit
 from tactsim.solids.config import SpaceConfig
 from tactsim.solids.surface_distance import drawn_evenly
 
-_REPORT, _SPACE = "report/assets/", "space/assets/"
+_REPORT, _SPACE = "report/assets/", "/solids/assets/"
 _CURVES = {
     "accuracy": "accuracy", "accuracyLow": "accuracy_low", "accuracyHigh": "accuracy_high",
     "error": "error_mm", "errorLow": "error_low_mm", "errorHigh": "error_high_mm", "errorMedian": "error_median_mm",

@@ -62,7 +62,7 @@ def load_hand(hand: Path) -> Hand:
     from tactsim.solids import Hand
 
     if str(hand) in HANDS:
-        text = (files("tactsim.bench") / "space" / "hands" / f"{hand}.toml").read_bytes()
+        text = (files("tactsim.solids") / "hands" / f"{hand}.toml").read_bytes()
         return checked(Hand, parse_toml(text, f"hand {hand}"), f"hand {hand}")
     return Hand.load(hand)
 
