@@ -422,16 +422,10 @@ class RunConfig(ScanWords):
         )
         # Which presses are left out may depend on the seed.
         left_out = [self.seed] if str(self.scan).startswith(RECORDING) else []
-        sequences = ["sequences"] if self.sequences else []
         if self.train_presses is not None:
             words |= {"train_presses": self.train_presses}
             left_out = [self.seed]
-        return json.dumps([pressed, words, *sequences, *left_out], sort_keys=True)
-
-    @property
-    def sequences(self) -> bool:
-        """Tell whether touches are the sequences of their images: whether more than one moment of each is asked for."""
-        return str(self.options.get("moments", 1)) != "1"  # the command line says it in words
+        return json.dumps([pressed, words, *left_out], sort_keys=True)
 
     @property
     def digest(self) -> str:

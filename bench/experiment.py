@@ -207,11 +207,6 @@ def gather(
         from tactsim.solids.runner import gather_in_space  # runs in the plane do without its room
 
         return gather_in_space(config, progress=progress)
-    if config.sequences and (config.on_demand or config.presses is not None):
-        raise InputError(
-            "moments of touches are in the sequences of a scan's test readings; leave out moments, or explore "
-            "at random on a scan"
-        )
     start = perf_counter()
     work: dict[str, Any] = {"presses": 0, "skipped": {}}
     train = None if config.train_scan is None else train_scan(config)  # before the presses
@@ -231,7 +226,6 @@ def gather(
             config.scan_options,
             jobs=jobs,
             cache=cache,
-            sequence=config.sequences,
             progress=lambda done, total: progress("press", done, total),
         )
     if train is not None:
@@ -384,9 +378,7 @@ def _said_in_plane(
     if config.bound:
         from tactsim.bench.bound.efficiency import bounds_of_trials
 
-        bounds, no_bound = bounds_of_trials(
-            scan, trials, config.explore, config.moving, sequences=config.sequences
-        )
+        bounds, no_bound = bounds_of_trials(scan, trials, config.explore, config.moving)
     if isinstance(options, FilterOptions) and hasattr(estimator, "pad_fit") and wants_pad_fit(options, scan):
         pad_fit: PadFit | None = estimator.pad_fit
         if pad_fit is None:  # a sweep's workers have fitted theirs

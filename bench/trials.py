@@ -110,11 +110,11 @@ class ListedTouches:
 
 
 class RecordedTouches(ListedTouches):
-    """The test readings of a scan, around the object; with `sequences` the images of each, (frames, taxels)."""
+    """The test readings of a scan, around the object."""
 
-    def __init__(self, test: Scan, sequences: bool = False) -> None:
+    def __init__(self, test: Scan) -> None:
         super().__init__(len(test))
-        self._test, self._sequences = test, sequences
+        self._test = test
 
     def sensor_in_robot(self, robot_in_object: FloatArray) -> FloatArray:
         """Give the poses (n, 3) at which the readings were taken, moved with the object."""
@@ -122,9 +122,6 @@ class RecordedTouches(ListedTouches):
 
     def reading(self, index: int, robot_in_object: FloatArray) -> FloatArray | None:
         """Give the reading of this index, wherever the object is."""
-        if self._sequences:
-            assert self._test.sequence is not None
-            return self._test.sequence[index].astype(float)
         return self._test.readings[index]
 
 
@@ -304,13 +301,13 @@ class _UnderWay:
 
     def __init__(
         self, test: Scan, task: OneTrial, *, letters: Sequence[str], readings: int, seed: int, of: Placement,
-        explore: Explore, press: Press | None, slip: Slip, sequences: bool = False,
+        explore: Explore, press: Press | None, slip: Slip,
     ) -> None:  # fmt: skip
-        """Hide the object; see `run_trial`. sequences: whether touches are sequences of images."""
+        """Hide the object; see `run_trial`."""
         rng = generator(seed, task, 0)
         first = hidden_pose(test, rng)
         self._touches = (
-            RecordedTouches(test, sequences) if press is None else press.touches(task.truth, task.trial, seed)
+            RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
         )
         if explore != "information":
             self._touches.shuffle(rng)
@@ -405,7 +402,6 @@ def run_trial(
     """
     trial = _UnderWay(
         test, task, letters=letters, readings=readings, seed=seed, of=of, explore=explore, press=press, slip=slip,
-        sequences=estimator.takes_sequences,
     )  # fmt: skip
     estimator.reset(generator(seed, task, 1))
     before = _evaluations(estimator)

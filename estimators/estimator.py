@@ -108,8 +108,6 @@ class Estimator(ABC):
     uses_forward_model: bool = False
     # The registered name that `create` made it by, if it did.
     created_as: str | None = None
-    # Whether a touch may be the sequence of its images, (frames, taxels), and training touches must be.
-    takes_sequences: bool = False
     _forward: ForwardModel | None = None
 
     def __init__(self, options: Options) -> None:
@@ -297,16 +295,14 @@ def check_order(done: bool, first: str, call: str) -> None:
 
 
 def check_reading(
-    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int, sequence: bool = False
+    reading: ArrayLike, sensor_in_robot: ArrayLike, taxels: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return a reading (taxels,) kPa and a pose (3,) as finite arrays.
 
-    sequence: whether the reading may be a sequence of images instead, (frames, taxels), one at least. Raises InputError
-    if a length is wrong or a number is not finite.
+    Raises InputError if a length is wrong or a number is not finite.
     """
     values, pose = np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)
-    of_images = sequence and values.ndim == 2 and len(values) and values.shape[1] == taxels
-    if values.shape != (taxels,) and not of_images:
+    if values.shape != (taxels,):
         raise InputError(f"a reading has shape {values.shape}; the maps were learned from {taxels} taxels")
     if pose.shape != (3,):
         raise InputError(f"sensor_in_robot has shape {pose.shape}; it is [x, y, theta]")

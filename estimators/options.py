@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from tactsim.core import Scan
-from tactsim.core.moments import MOST
 from tactsim.core.pad import OFFSET, offsets
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
@@ -48,13 +47,6 @@ class LikelihoodOptions(MapOptions):
     gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
     failure: Literal["printed", "complement"] = Field(
         "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"
-    )
-    moments: int = Field(
-        1,
-        ge=1,
-        le=MOST,
-        description="images of a touch that are taken in, at 1/m, 2/m ... of its load while it rises; 1: the last "
-        "alone, else touches are sequences",
     )
     quantiles: int = Field(
         16, ge=1, le=1000, description="bins in which a calibrated likelihood counts its classes"

@@ -102,17 +102,17 @@ class PadUnits:
         """Bring poses (..., 3) in mm of the paper's pad back to mm."""
         return poses * [self.length, self.length, 1.0]
 
-    def scan(self, scan: Scan, sequences: bool = False) -> Scan:
-        """Bring a scan to mm and kPa of the paper's pad; what was felt on the way to rest only with `sequences`."""
-        brought = replace(
+    def scan(self, scan: Scan) -> Scan:
+        """Bring a scan to mm and kPa of the paper's pad, without what was felt on the way to rest."""
+        return replace(
             scan,
             readings=self.readings(scan.readings),
             poses=self.poses(scan.poses),
             taxel_xy=self.positions(scan.taxel_xy),
+            sequence=None,
+            sequence_times=None,
+            sequence_force=None,
         )
-        if not sequences or scan.sequence is None:
-            return replace(brought, sequence=None, sequence_times=None, sequence_force=None)
-        return replace(brought, sequence=self.readings(scan.sequence.astype(float)).astype(np.float32))
 
     def plane_back(self, belief: PlaneBelief) -> PlaneBelief:
         """Bring the cells of a belief over the plane in mm of the paper's pad back to mm."""

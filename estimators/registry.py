@@ -68,6 +68,12 @@ _GIVEN_UP = {
     "mlp": "install the plug-in examples/mlp, which brings it",
 }
 
+_ONE_NUMBER = "particles is their number, always"
+_GIVEN_UP_OPTIONS = {
+    "moments": "several images of one touch told objects apart no sooner than the last; train on several loads",
+    **dict.fromkeys(("kld_error", "kld_z", "kld_mm", "kld_rad", "min_particles"), _ONE_NUMBER),
+}
+
 
 def _fault(chosen: Any) -> str | None:
     if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
@@ -90,6 +96,9 @@ def create(name: str, **options: Any) -> Estimator:
     Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of its bounds.
     """
     kind = load(name)
+    for option in options:
+        if option in _GIVEN_UP_OPTIONS and option not in kind.options_type.model_fields:
+            raise InputError(f"estimator {name}: there is no option {option}: {_GIVEN_UP_OPTIONS[option]}")
     asked = checked(kind.options_type, options, f"estimator {name}")
     with no_exit(name):
         made = kind(asked)

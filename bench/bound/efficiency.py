@@ -23,17 +23,13 @@ ENOUGH = 0.9  # share of the trials that readings must determine for a mean boun
 _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing leave unknown
 
 
-def bounds_of_trials(
-    scan: Scan, trials: Trials, explore: str, slip: Slip, *, sequences: bool = False
-) -> tuple[FloatArray | None, str]:
+def bounds_of_trials(scan: Scan, trials: Trials, explore: str, slip: Slip) -> tuple[FloatArray | None, str]:
     """Bound the mean placement error of trials after each reading, (n, r) mm, by what their readings tell.
 
     Returns None and why, if nobody knows: the readings do not say how they were pressed, only a slow engine presses
     them (`bench bound` does), they were chosen or pressed on demand, or the object moved otherwise than by a random
-    walk. sequences: whether the estimator saw several images of each touch.
+    walk.
     """
-    if sequences:
-        return None, "a bound is of one image of each touch, and the estimator saw several"
     if explore != "random":
         return None, "touches pressed on demand" if explore == "blind" else "the estimator chose the readings"
     if slip.still and (trials.true_pose != trials.true_pose[:, :1]).any():

@@ -81,7 +81,6 @@ def command(
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
-    from tactsim.core.errors import InputError
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
@@ -92,8 +91,6 @@ def command(
     made = create(estimator, **key_values(settings or (), "--set"))
     if explore == "information" and not made.proposes:
         raise proposes_none(estimator)
-    if made.takes_sequences:
-        raise InputError("a touch is one image here, and moments are of sequences: leave out moments")
     ask = made.proposes and explore != "random"
     console = plain_console(stderr=as_json)
     opened, plan = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))

@@ -180,7 +180,7 @@ def _pressed_again(options: Any, config: RunConfig) -> Scan:
     if options is not None:
         shapes = {"shapes": tuple(map(str, config.shapes))} if config.shapes else {}
         asked = checked(ScanOptions, options | shapes, "scan.options")
-        scan, _ = scan_letters(asked, sequence=config.sequences)
+        scan, _ = scan_letters(asked)
         scan = replace(scan, meta={**scan.meta, "options": options})
     if scan is None or config.given not in (None, scan.digest):
         raise InputError("its readings were given in Python, and pressing does not give them again")
@@ -198,7 +198,7 @@ def _recognise(
 
     def keep(estimate: Estimate, touch: Touch) -> None:
         estimates.append(estimate)
-        pressures.append(np.atleast_2d(touch.reading)[-1])  # of a sequence the last image
+        pressures.append(touch.reading)
         touched.append(touch.sensor_in_robot)
         belief = estimator.belief_over_plane()
         if belief is not None:

@@ -104,7 +104,7 @@ def _with_bounds(run: Run, scans: dict[str, Scan]) -> Run:
         return run
     if scan.digest != run.about["readings_digest"]:  # another version of tactsim presses otherwise
         return run
-    bounds, _ = bounds_of_trials(scan, run.trials, config.explore, config.moving, sequences=config.sequences)
+    bounds, _ = bounds_of_trials(scan, run.trials, config.explore, config.moving)
     return replace(run, bounds=bounds)
 
 

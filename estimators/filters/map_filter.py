@@ -88,7 +88,6 @@ class MapFilter(Estimator):
 
     def __init__(self, options: FilterOptions) -> None:
         super().__init__(options)
-        self.takes_sequences = options.moments > 1
         self.labels: tuple[str, ...] = ()
         self.open_set: OpenSet | None = None
         self._maps: Mapping[str, OccupancyMap] = {}
@@ -125,7 +124,7 @@ class MapFilter(Estimator):
             from tactsim.estimators.pad_fit import fit_to_pad
 
             pad_fit = fit_to_pad(scan, options)
-            scan, options = pad_fit.units.scan(scan, self.takes_sequences), pad_fit.inner(options)
+            scan, options = pad_fit.units.scan(scan), pad_fit.inner(options)
         # A belief that would not fit in memory is refused before hours of work.
         particles = getattr(options, "particles", None)
         if self.grid is not None:
@@ -179,16 +178,9 @@ class MapFilter(Estimator):
         if self.mixes_loads:
             self.likelihood = likelihood.create(options, scan.where("train"))
         self.likelihood.fit(scan, maps)
-        if self.takes_sequences:
-            from tactsim.estimators.filters.trust_learning import images_count
-            from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
-
-            assert isinstance(self.likelihood, SequenceLikelihood)
-            self.likelihood.counts = images_count(self.likelihood, scan)
         self._planner: Planner | None = None
         # Proposals need a calibrated model; readings are kept to learn one if the filter's own is another.
-        alone = not self.takes_sequences and self.likelihood.loads == 1
-        calibrated = self.fitted_options.likelihood == "calibrated" and alone
+        calibrated = self.fitted_options.likelihood == "calibrated" and self.likelihood.loads == 1
         self._train = None if calibrated else scan.where("train")
         self._lay_out(self._reach_near)
 
@@ -240,13 +232,11 @@ class MapFilter(Estimator):
         Raises InputError, and leaves the belief as it was, for a wrong length or a NaN.
         """
         self._check_started("update")
-        values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy), self.takes_sequences)
+        values, pose = check_reading(reading, sensor_in_robot, len(self.taxel_xy))
         pose = self._bring_poses(pose)
         if self.pad_fit is not None:
             units = self.pad_fit.units
-            values, pose = check_reading(
-                units.readings(values), units.poses(pose), len(self.taxel_xy), self.takes_sequences
-            )
+            values, pose = check_reading(units.readings(values), units.poses(pose), len(self.taxel_xy))
         self.field.append(self.likelihood.evidence(values), pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
@@ -376,7 +366,8 @@ class MapFilter(Estimator):
     def foretold(self, belief: WeightedStates) -> float:
         """Update the filter's own belief; returns the log-likelihood of the last reading in its `belief` before."""
         self.measure()
-        log_p = np.log(belief.weights.normalised)
+        with np.errstate(divide="ignore"):
+            log_p = np.log(belief.weights.normalised)
         for letter in np.unique(belief.letter).tolist():
             chosen = np.flatnonzero(belief.letter == letter)
             log_p[chosen] += self.log_p(letter, belief.state.take(chosen, axis=1), self.touches - 1)

@@ -19,10 +19,6 @@ _JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and
 _STILL = 0.995
 _BEGINS = (1 - _STILL) / 20  # how often one at rest begins to move: in twenty touches, as often as at first
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
-# By what power a reading's likelihood counts when a filter that does not learn its own `trust` compares scales. Taxels
-# side by side err together, and a press is misplaced: a belief that may move follows such errors, and would be taken
-# for the better one.
-EVIDENCE = 0.1
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 
 

@@ -84,8 +84,8 @@ class OpenSet:
         self._felt: list[tuple[FloatArray, FloatArray]] = []
 
     def keep(self, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
-        """Keep a reading (taxels,), or of a sequence its last image, for the comparison with what mosaics predict."""
-        self._felt.append((np.atleast_2d(reading)[-1], sensor_in_robot))
+        """Keep a reading (taxels,) for the comparison with what mosaics predict."""
+        self._felt.append((reading, sensor_in_robot))
 
     def estimate(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> Estimate:
         """Give "none" its share: the prior odds, times those of the misfits of the letters that may still be.

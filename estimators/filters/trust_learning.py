@@ -34,7 +34,6 @@ from tactsim.estimators.filters.jackknife import influence_in_sequences
 from tactsim.estimators.filters.trust import FEW, MANY, Misfit, Trust, shown_error
 from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
-from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
 
 # So many sequences of a number of readings of a letter are tried, at poses off by so many moves.
 _SEQUENCES, _MOVES = 120, 4096
@@ -75,27 +74,6 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     few_seen, many_seen = np.mean(seen, axis=0).tolist()
     misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
     return Trust(own, growth, own / trained, few_seen, many_seen, longest, misfit)
-
-
-def images_count(likelihood: SequenceLikelihood, scan: Scan) -> float:
-    """Learn by what factor the moments of a touch count, so that they are as sure as the last image alone is.
-
-    Sequences of few left-out touches are given a weight with their moments, and with the last image alone; the factor
-    is the ratio of the two, and 1 over the number of moments if the likelihood cannot leave readings out. The moments
-    count as one image then if they all say the same, and as so many if each errs by itself.
-    """
-    train = scan.where("train")
-    likelihood.counts = 1.0
-    labels = _some_labels(train)
-    shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
-    found = []
-    for model, touches in ((likelihood, train), (likelihood.of_load[-1], likelihood.last_images)):
-        left_out = _left_out(model, touches, labels, states, True)
-        if left_out is None:
-            return 1 / len(likelihood.shares)
-        log_p = [one.log_p for one in left_out]
-        found.append(_typical(log_p, FEW, shift, size, np.random.default_rng(0)).error)
-    return found[1] / found[0]
 
 
 def _some_labels(train: Scan) -> list[str]:
@@ -210,7 +188,7 @@ def _left_out(
         field = LikelihoodField(rest, labels, train.taxel_xy, (cell, cell), cell)
         for letter, label in enumerate(labels):
             for k in np.flatnonzero((part == number) & (train.labels == label)):
-                evidence = rest.evidence_of(train, int(k)).of_taxels(known[k])
+                evidence = rest.evidence(train.readings[k]).of_taxels(known[k])
                 field.append(evidence, np.array(train.poses[k]))
                 found[label].append(field.log_p(letter, states, len(field) - 1))
                 most[label].append(field.most(len(field) - 1))

@@ -102,10 +102,6 @@ class Likelihood(ABC):
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading (taxels,) kPa into the terms that it contributes."""
 
-    def evidence_of(self, train: Scan, touch: int) -> Evidence:
-        """Turn a touch, by its number, of the training readings that it was fitted to into terms."""
-        return self.evidence(train.readings[touch])
-
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
     ) -> Likelihood | None:
@@ -128,16 +124,12 @@ LIKELIHOODS = {
 
 
 def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
-    """Make the likelihood that the options name, of one image or of a sequence's moments.
+    """Make the likelihood that the options name.
 
     train: the training readings that it will be fitted to, if a touch may have been made under any of their loads.
     Raises InputError if there is none of that name.
     """
     kind = kind_of(options.likelihood)
-    if options.moments > 1:
-        from tactsim.estimators.likelihoods.sequence import SequenceLikelihood
-
-        return SequenceLikelihood(options)
     if train is not None:
         from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
 

@@ -11,16 +11,16 @@ Each touch has a load of its own. A training set of one load has one model, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.folds import by_letter, load_levels
-from tactsim.estimators.likelihoods.likelihood import Evidence, create
-from tactsim.estimators.likelihoods.models_of_loads import ModelsOfLoads
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, create
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -40,13 +40,20 @@ def loads_of(train: Scan) -> NDArray[np.intp]:
     return np.unique(np.round(train.moments, 6), return_inverse=True)[1].reshape(-1)
 
 
-class LoadMixture(ModelsOfLoads):
-    """The mean of the likelihoods of all loads that were trained."""
+class LoadMixture(Likelihood):
+    """The mean of the likelihoods of all loads that were trained, each fitted to the readings of its load.
+
+    of_load: the measurement model of each load, the lightest first. first_table: (loads + 1,) where each model's tables
+    begin among all, once they were evaluated.
+    """
+
+    first_table: NDArray[np.int64]
 
     def __init__(self, options: LikelihoodOptions, load: NDArray[np.intp]) -> None:
         """Take options, and the load of each training reading (n,), as `loads_of` numbers them."""
         self._load, self.loads = load, int(load.max()) + 1
-        super().__init__(options, [create(options) for _ in range(self.loads)])
+        super().__init__(options)
+        self.of_load: list[Likelihood] = [create(options) for _ in range(self.loads)]
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn maps and measurement model of each load from its training readings.
@@ -60,7 +67,9 @@ class LoadMixture(ModelsOfLoads):
                 of_load |= train.labels == label
         scans = [train.chosen(of_load) for of_load in kept]
         charts = [learn_maps_by(self.options, of_load) for of_load in scans]
-        self.fit_each(kept, scans, [{label: of_load[label] for label in maps} for of_load in charts])
+        self._kept, self._scans = kept, scans
+        for model, scan, chart in zip(self.of_load, scans, charts, strict=True):
+            model.fit(scan, {label: chart[label] for label in maps})
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading into the terms of every load."""
@@ -71,3 +80,28 @@ class LoadMixture(ModelsOfLoads):
             np.concatenate([terms.weight for terms in each]),
             np.repeat(np.arange(self.loads), [len(terms.table) for terms in each]),
         )
+
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> LoadMixture | None:
+        """Make a copy whose maps, at each load, were learned without some training readings."""
+        rest = copy(self)
+        rest.of_load = []
+        for kept, model, scan in zip(self._kept, self.of_load, self._scans, strict=True):
+            left = model.without(scan, gone[kept], labels, whole_positions)
+            if left is None:
+                return None
+            rest.of_load.append(left)
+        return rest
+
+    @property
+    def extent(self) -> tuple[FloatArray, FloatArray]:
+        """Give the corners of the maps of all loads."""
+        low, high = zip(*(model.extent for model in self.of_load), strict=True)
+        return np.min(low, axis=0), np.max(high, axis=0)
+
+    def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
+        """Evaluate the tables of all loads, the lightest's first: (tables, ...)."""
+        tables = [model.log_tables(label, xy) for model in self.of_load]
+        self.first_table = np.cumsum([0, *(len(of_load) for of_load in tables)])
+        return np.concatenate(tables)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from test_trials import Blind
 
 import tactsim
-from tactsim.bench.config import run_config, scan_options
+from tactsim.bench.config import scan_options
 from tactsim.bench.report.recognition import readings_of
 from tactsim.bench.results import load, save, to_json
 from tactsim.bench.runs.naming import task_name
@@ -224,20 +224,6 @@ def test_nothing_is_written_over(run, tmp_path):
     with pytest.raises(InputError, match="it is a folder"):
         run.report(tmp_path / "run")
     assert sorted(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.long
-def test_a_run_of_moments_presses_the_sequences_that_it_needs():
-    words = {"letters": "I", "trials": 1, "readings": 2, "bins": 600}
-    run = tactsim.run(**words, set={"moments": "2"}, bound=True)
-    assert run.options["moments"] == 2
-    assert run.bounds is None
-    assert "several" in run.about["no_bound"]
-    with pytest.raises(InputError, match="leave out moments"):
-        tactsim.run(**words, set={"moments": 2}, explore="blind")
-    alone = run_config(**words)
-    assert run_config(**words, set={"moments": 2}).source != alone.source
-    assert run_config(**words, set={"moments": 1}).source == alone.source
 
 
 def test_a_run_learns_from_as_few_presses_as_are_asked_for(tmp_path):

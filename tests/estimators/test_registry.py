@@ -34,6 +34,13 @@ def test_an_unknown_estimator_is_named_with_the_known_ones():
         estimators.create("kalmann")
 
 
+def test_what_went_says_what_to_take_instead():
+    with pytest.raises(InputError, match="tempered is no longer built in: take refined"):
+        estimators.create("tempered")
+    with pytest.raises(InputError, match="no option kld_error: particles is"):
+        estimators.create("particle", kld_error=0.1)
+
+
 def test_an_unknown_option_is_named():
     with pytest.raises(InputError, match="unknown option 'bin': did you mean 'bins'"):
         estimators.create("histogram", bin=5)

@@ -86,7 +86,6 @@ def test_a_pad_without_a_calibration_is_said_to_lack_it(bench, scan_file):
             ["--port", "simulated:A", "--explore", "information", "--estimator", "nearest"],
             ["explore at random"],
         ),
-        (["--port", "simulated:A", "--set", "moments=2"], ["a touch is one image here", "leave out moments"]),
     ],
 )
 def test_mistakes_end_in_one_line(here, words, parts):

@@ -1,4 +1,4 @@
-"""Objects that move: the moving belief, kernels on the grid and particles, against exact answers."""
+"""Objects that move: the belief that moves, against exact answers."""
 
 from itertools import product
 

@@ -11,7 +11,7 @@ from synthetic import fitted_anew, make_scan, paper_poses
 
 from tactsim.core import compose
 from tactsim.estimators.filters import trust_learning
-from tactsim.estimators.filters.trust_learning import images_count, learn_trust, mostly_held
+from tactsim.estimators.filters.trust_learning import learn_trust, mostly_held
 
 
 def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
@@ -58,31 +58,6 @@ SCAN = SimpleNamespace(where=lambda split: Train(letters=LETTERS, poses=np.zeros
 def known(too_sure):
     """Give 1 / the right weight: what makes up for `too_sure`, and the error of a mean over all training readings."""
     return [too_sure * (1 + n / READINGS) for n in (3, 8, 20)]
-
-
-@pytest.mark.parametrize("shared", [0.0, 0.4])
-def test_the_moments_of_a_touch_count_as_many_as_err_by_themselves(monkeypatch, shared):
-    moments, last = 4, object()
-    likelihood = SimpleNamespace(shares=np.ones(moments), of_load=[None, last], last_images=None)
-
-    def left_out(model, train, labels, states, whole_positions):
-        """Give each moment a Gaussian whose errors have the variance `shared` in common; of all, their sum."""
-        rng = np.random.default_rng(2)
-        common = rng.normal(size=(1, len(LETTERS), READINGS, 3))
-        own = rng.normal(size=(moments, len(LETTERS), READINGS, 3))
-        seen = 0.4 * (math.sqrt(shared) * common + math.sqrt(1 - shared) * own)
-        shift, _, _ = trust_learning._moves(np.zeros(2))
-        place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
-        used, counts = (seen[-1:], 1.0) if model is last else (seen, likelihood.counts)
-        log_p = (
-            counts * sum(-((place - at[:, None]) ** 2).sum(axis=2) / (2 * 0.4**2) for at in used[:, letter])
-            for letter in range(len(LETTERS))
-        )
-        return [trust_learning._LeftOut(of_letter, np.zeros(READINGS)) for of_letter in log_p]
-
-    monkeypatch.setattr(trust_learning, "_left_out", left_out)
-    effective = moments / (1 + (moments - 1) * shared)
-    assert moments * images_count(likelihood, SCAN) == pytest.approx(effective, rel=0.2)
 
 
 @pytest.mark.parametrize("too_sure", [1.0, 5.0])
