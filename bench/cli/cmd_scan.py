@@ -20,7 +20,11 @@ def command(
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     sequence: Annotated[
-        bool, typer.Option("--sequence", help="Keep the images of every press on its way to rest.")
+        bool,
+        typer.Option(
+            "--sequence",
+            help="Keep the images of every press on its way to rest; press.dynamics must be full.",
+        ),
     ] = False,
     task: Annotated[
         str | None,

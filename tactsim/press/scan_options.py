@@ -103,9 +103,7 @@ class PressOptions(Settings):
     clearance: float = Field(
         0.2, ge=0, le=10, description="mm between letter and pad at first; full dynamics (assumed)"
     )
-    ramp: float = Field(
-        0.05, ge=0, le=10, description="s, touch to full set point; full dynamics, sequences (assumed)"
-    )
+    ramp: float = Field(0.05, ge=0, le=10, description="s, touch to full set point; full dynamics (assumed)")
     time_limit: float = Field(
         5.0, gt=0, le=100, description="s after which a press counts as unsettled; full dynamics"
     )
@@ -115,7 +113,7 @@ class PressOptions(Settings):
         le=1,
         description="share of the steps that follow from stiffness, mass and force control; full dynamics",
     )
-    frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; sequences (assumed)")
+    frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
     skip: Skips = Field(default_factory=Skips)
 
     @field_validator("wrist_stiffness", mode="before")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tactsim import models
 from tactsim.core.errors import InputError
+from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
@@ -46,13 +47,11 @@ class _Ideal:
     """What a batch reads without imperfections: (n, taxels) kPa, and why a press has no reading, if any has none.
 
     moving: how each press went, if they were stepped through time now; None where nothing touches and in a blank.
-    lower: what it reads at rest under lower loads, (n, taxels) each, the lowest first, if such a sequence is wanted.
     """
 
     readings: FloatArray
     blanks: dict[int, str]
     moving: tuple[Moving | None, ...] = ()
-    lower: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +77,7 @@ def scan_letters(
     A press that does not come to rest, such as one that tips over, is a blank: it has no reading, and the
     scan's `meta["blanks"]` says why. jobs: processes to use at most, where the work is worth them. cache:
     whether readings of earlier scans are used and new ones are kept. sequence: whether the scan holds the images of
-    every press on its way to rest: of full dynamics as they were taken, which are not in the cache, else at rest under
-    each load of the ramp (`sequences.rising`).
+    every press on its way to rest, which are not in the cache; dynamics must be full.
     progress(done, total): called as presses are done. Returns the scan and its work: `presses`, those that
     were worked out now, and by which engine, `blanks`, and `skipped` {reason: count}; of presses through time
     also `settle_time` {"median", "longest"} s and the largest `overshoot`. The same options give the same bits
@@ -90,11 +88,11 @@ def scan_letters(
     """
     letters = letters_of(options)
     batches = [_batch(letter, split, options) for letter in letters for split in SPLITS]
-    full = options.press.dynamics == "full"
-    if sequence and not full:
-        ideal, work = _rising(batches, options, jobs, cache, progress)
-    else:
-        ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
+    if sequence and options.press.dynamics != "full":
+        raise InputError(
+            "the images of a press on its way to rest are of full dynamics: set press.dynamics=full"
+        )
+    ideal, work = _ideal(batches, options, jobs, cache, sequence, progress)
     gain = gains(options)
     kept = [
         np.setdiff1d(np.arange(len(batch.touches)), list(found.blanks))
@@ -238,37 +236,6 @@ def _ideal(
     return [ideal[name] for name in names], work
 
 
-def _rising(
-    batches: Sequence[_Batch],
-    options: ScanOptions,
-    jobs: int,
-    cache: bool,
-    progress: Progress | None,
-) -> tuple[list[_Ideal], Counter[str]]:
-    """Get what each batch reads at rest under its loads, and under the lower ones on the way there.
-
-    A press that does not come to rest under a lower load is a blank, too.
-    """
-    from tactsim.press.sequences import rising
-
-    lower = [
-        replace(batch, touches=batch.touches.at_share(share))
-        for share in rising(options.press)
-        for batch in batches
-    ]
-    found, work = _ideal([*batches, *lower], options, jobs, cache, False, progress)
-    count = len(batches)
-    ideal = [
-        replace(
-            at_load,
-            lower=tuple(one.readings for one in found[count + number :: count]),
-            blanks={row: why for one in found[number::count] for row, why in one.blanks.items()},
-        )
-        for number, at_load in enumerate(found[:count])
-    ]
-    return ideal, work
-
-
 def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
     """Put a batch together. Raises InputError if too many of its presses are blank."""
     blanks = {
@@ -317,22 +284,8 @@ def _sequences(
 
     The zero drifts from press to press, so images on the way to one reading have no drift of their own.
     """
-    from tactsim.press.sequences import aligned, held
-
-    if options.press.dynamics == "full":
-        presses = []
-        for found, rows in zip(ideal, kept, strict=True):
-            presses += [found.moving[row] for row in rows]
-        images, times, force = aligned(presses, options.press.frame_rate, options.pad.taxels)
-    else:
-        every = [
-            np.stack([*found.lower, found.readings], axis=1)[rows]
-            for found, rows in zip(ideal, kept, strict=True)
-        ]
-        loads = [
-            batch.touches.forces(options.press.force)[rows] for batch, rows in zip(batches, kept, strict=True)
-        ]
-        images, times, force = held(np.concatenate(every), np.concatenate(loads), options.press)
+    presses = [found.moving[row] for found, rows in zip(ideal, kept, strict=True) for row in rows]
+    images, times, force = _aligned(presses, options.press.frame_rate, options.pad.taxels)
     gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
     left = iter(images)
     for batch, rows in zip(batches, kept, strict=True):
@@ -340,6 +293,31 @@ def _sequences(
         for image in islice(left, len(rows)):
             image[:] = sense(image, sensor, gain, rng, rows=options.pad.rows, one_touch=True)
     return {"sequence": images, "sequence_times": times, "sequence_force": force}
+
+
+def _aligned(
+    presses: Sequence[Moving | None], frame_rate: float, taxels: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bring presses to common times: images (n, frames, taxels) kPa, times (frames,) s, force (n, frames) N.
+
+    Times are k / frame_rate until the last press rests; a press at rest keeps its last image. Where nothing
+    touched, all is 0. Raises InputError if the images would take more than a scan's file may hold.
+    """
+    frames = max([1, *(len(moving.times) for moving in presses if moving is not None)])
+    size = 4 * len(presses) * frames * taxels
+    if size > LARGEST // 2:
+        raise InputError(
+            f"{len(presses):,} presses of {frames:,} images are {size:,} bytes, more than a scan's "
+            f"{LARGEST // 2:,}; choose a lower press.frame_rate or fewer letters"
+        )
+    times = np.arange(1, frames + 1) / frame_rate
+    images, force = np.zeros((len(presses), frames, taxels)), np.zeros((len(presses), frames))
+    for image, total, moving in zip(images, force, presses, strict=True):
+        if moving is not None:
+            before = len(moving.times) - 1
+            image[:before], image[before:] = moving.images[:-1], moving.images[-1]
+            total[:] = np.interp(times, moving.trace.times, moving.trace.force)
+    return images, times, force
 
 
 def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:

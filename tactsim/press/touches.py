@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -54,10 +54,6 @@ class Touches:
         """Take some of the presses."""
         load = None if self.load is None else self.load[which]
         return Touches(self.letter, self.poses[which], self.tilts[which], load)
-
-    def at_share(self, share: float) -> Touches:
-        """Take the same presses with this share of each one's load."""
-        return replace(self, load=share * self.forces(1.0))
 
     def forces(self, nominal: float) -> FloatArray:
         """Give the force of each press (n,), N, if that of the options is `nominal` N."""
