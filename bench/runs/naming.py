@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from tactsim.bench.config import flat
 from tactsim.bench.results import Run
+from tactsim.core.checking import checked
 from tactsim.press import WORLDS, ScanOptions
 
 
@@ -57,8 +58,11 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):
-        standard = flat(_standard(run).model_dump(mode="json"))
-        other |= _differing(flat(run.about["scan"].get("options", {})), standard)
+        standard = _standard(run)
+        stated = checked(
+            type(standard), run.about["scan"].get("options", {}), "the options of the run's scan"
+        )
+        other |= _differing(*(flat(options.model_dump(mode="json")) for options in (stated, standard)))
         if other.get("shapes"):
             other["shapes"] = _in_folder(other["shapes"])
             other = {

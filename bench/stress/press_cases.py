@@ -1,11 +1,10 @@
-"""The press and the sensor: forces, stiffness, layers and tilts over decades, odd pads.
+"""The press and the sensor: forces, stiffness and tilts over decades, odd pads.
 
 How exact a press is, and by which engine, is a matter of `tests/press`.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -16,8 +15,6 @@ from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter
-from tactsim.press.bed import Bed, Level, lay_bed, levels
-from tactsim.press.elastic import Rested, press_elastic
 from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.points import Points
 from tactsim.press.scan_poses import grid_poses, random_poses
@@ -237,47 +234,3 @@ def points_balance(worst: Worst) -> None:
                     worst.holds(all(pressed.blanks.values()) and not reading.any(), where)
                 else:
                     worst.see(abs(pressed.load.force.sum() / force - 1), where)
-
-
-SOLIDS = ("layer", "half-space")
-
-
-def press_on(
-    face: list[Level], poses: FloatArray, tilt: tuple[float, float], **options: Any
-) -> tuple[Bed, Rested, PressOptions]:
-    """Press a face at poses (n, 3) with one tilt, on the foundation that the options state."""
-    setup = ScanOptions(
-        pad=Pad(),
-        press=PressOptions(**({"wrist_stiffness": None} | options)),
-        sensor=SensorOptions(psf_sigma=2.0, noise=0, resolution=0),
-    )
-    bed = lay_bed(face, poses, *setup.cell_lines)
-    return bed, press_elastic(bed, np.tile(tilt, (len(poses), 1)), setup), setup.press
-
-
-@case(
-    "foundations.balance",
-    varied="1 uN to 10 kN, layers of 1 um to 100 mm, nu 0 to 0.49, 1 to 1e6 kPa/mm, tilts, wrists, slivers",
-    deviation="forces under a face from the force of the press, relative; 1 for a pressure that pulls",
-    limit=1e-6,
-    because="force and hinges are solved for together with the pressures",
-)
-def layers_balance(worst: Worst) -> None:
-    """Press from a breath to a truck, on a film and on a mattress."""
-    letter, usual = models.letter("K"), PressOptions(wrist_stiffness=None)
-    half = float(np.concatenate(letter.contours)[:, 0].max())
-    left = Pad().load_bounds[0]
-    poses = np.concatenate([random_poses(np.random.default_rng(5), 3), [[half - left - 1e-5, 0.0, 0.0]]])
-    settings: list[dict[str, Any]] = [{"force": 10.0**decade} for decade in range(-6, 5)]
-    settings += [{"thickness": 10.0**decade} for decade in range(-3, 3)]
-    settings += [{"stiffness": 10.0**decade} for decade in range(7)]
-    settings += [{"poisson": poisson} for poisson in (0.0, 0.3, 0.49)]
-    settings += [{"wrist_stiffness": wrist} for wrist in (1.0, 1e3, 1e7)]
-    face = levels(letter, usual)
-    for foundation, setting, tilt in itertools.product(SOLIDS, settings, ((0.0, 0.0), (0.2, -0.1))):
-        bed, rested, press = press_on(face, poses, tilt, foundation=foundation, **setting)
-        where = f"{foundation}, {setting}, tilt {tilt}"
-        worst.holds(bool((rested.pressure >= 0).all()), where)
-        total = np.bincount(bed.press, rested.pressure * bed.area, len(poses))
-        pressed = [index for index in np.unique(bed.press).tolist() if index not in rested.blanks]
-        worst.see(np.abs(total[pressed] / press.force - 1), where)

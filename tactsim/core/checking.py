@@ -52,6 +52,20 @@ class Settings(BaseModel):
         return read(value)
 
 
+def without_gone(values: Any, gone: Mapping[str, Any]) -> Any:
+    """Leave out of a table the options that are gone, where it states what they always are now.
+
+    gone: by name what each option's default was, which files of earlier versions state; a table in it is one of such
+    options. Raises ValueError for another value.
+    """
+    if not isinstance(values, dict):
+        return values
+    for name in values.keys() & gone.keys():
+        if values[name] != gone[name]:
+            raise ValueError(f"{name} is always {gone[name]} now, and no option; leave it out")
+    return {name: value for name, value in values.items() if name not in gone}
+
+
 def checked(model: type[Model], values: Any, where: str) -> Model:
     """Check values that a user typed or a file held, and return them as `model`.
 

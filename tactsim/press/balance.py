@@ -26,16 +26,13 @@ from tactsim.core.poses import FloatArray
 from tactsim.press.bed import MM, Bed, Level, Springs, lay_bed, levels, slopes
 from tactsim.press.clip import EVEN_MOMENTS, MOMENTS
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.scene import RADIUS, UNREAD_STAGES, Setup, scene
+from tactsim.press.scene import RADIUS, Setup, scene
 from tactsim.press.spread import Patches
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches, UnsettledError
 
 MASS = 0.01  # kg; an equilibrium does not depend on it
 _INERTIA = 1e-8  # m / h^2 as a share of the bed's stiffness
 _BALANCE = 1e-6  # share of the force, and of force times _REACH, that a press at rest may miss
-_BALANCE_OF_PARTS = (
-    1e-4  # the same where the letter's parts are touched: MuJoCo keeps meshes in single precision
-)
 _REACH = 5.0  # mm, about half a pad
 _MOST_STEPS = 60
 _MOST_HALVINGS = 30
@@ -88,7 +85,6 @@ class _Problem:
             tilts=tilt if self.tilted else None,
             depths=depth,
             moments=MOMENTS if self.tilted else EVEN_MOMENTS,
-            skip_empty=self.options.press.skip.cells,
         )
 
     def begin(self, bed: Bed) -> _Contact:
@@ -150,12 +146,12 @@ class _Problem:
         foot = bed.centre + np.divide(
             leaning, force[:, None], out=np.zeros_like(leaning), where=carrying[:, None]
         )
-        below = np.divide(force, area, out=np.zeros_like(force), where=carrying)
+        below = np.where(carrying, force / area, 0.0)
         return _Contact(depth, tilt, bed, foot, below, self._bending(bed, rows), tilt, energy, missing)
 
     def _bending(self, bed: Bed, rows: NDArray[np.intp]) -> FloatArray:
         area, first, second = bed.moments[0], bed.moments[1:3], bed.moments[[3, 5]]
-        own = second - np.divide(first**2, area, out=np.zeros_like(first), where=area > 0)
+        own = second - first**2 / area
         about_y, about_x = (np.bincount(bed.press, along, len(rows)) for along in own)
         return self.stiffness[rows, None] * np.stack([about_x, about_y], axis=1)
 
@@ -164,7 +160,6 @@ def press(touches: Touches, options: ScanOptions, face: Sequence[Level] | None =
     """Press a letter until it rests. face: the levels that touch, if they are not those of the letter.
 
     A press that tips over or finds no balance is a blank, with its reason.
-    Raises InputError if a letter with rounded edges is to be pressed by its parts.
     """
     setup = options.press
     if face is None:
@@ -179,12 +174,7 @@ def press(touches: Touches, options: ScanOptions, face: Sequence[Level] | None =
         1e-3 * setup.stiffness_over(some, carried)
         for some, carried in zip(area[touching].tolist(), force[touching].tolist(), strict=True)
     ]
-    stage = Setup(
-        mass=MASS,
-        wrist_stiffness=setup.wrist_stiffness,
-        letter=None if setup.skip.parts else touches.letter,
-        skip_stages=setup.skip.stages,
-    )
+    stage = Setup(MASS, setup.wrist_stiffness)
     if not setup.skip.no_contact:
         for index in np.flatnonzero(area == 0).tolist():
             _fall(stage, whole.springs[index], touches, index, force[index])
@@ -192,18 +182,9 @@ def press(touches: Touches, options: ScanOptions, face: Sequence[Level] | None =
     resting = np.setdiff1d(touching, list(blanks))
     bed = problem.lay(resting, tilt[resting], depth[resting]).among(resting, len(touches))
     load = Patches.under(bed, depth, tilt, force, even=not tilted)
-    # What was pressed, and what each skip left out.
     untouched = len(touches) - len(touching)
     pressed = len(touching) + (0 if setup.skip.no_contact else untouched)
-    x_lines, y_lines = options.cell_lines
-    cells = (len(x_lines) - 1) * (len(y_lines) - 1) * len(face)
-    work = Counter(
-        presses=pressed,
-        no_contact=untouched if setup.skip.no_contact else 0,
-        cells=len(touching) * cells - len(whole.area) if setup.skip.cells else 0,
-        parts=pressed if setup.skip.parts else 0,
-        stages=pressed * len(UNREAD_STAGES) if setup.skip.stages else 0,
-    )
+    work = Counter(presses=pressed, no_contact=len(touches) - pressed)
     return Pressed(touches, load, work, blanks)
 
 
@@ -220,7 +201,6 @@ def _solve(
     # Where each press is tried next; by how much it was to tilt by its last step, and how often that was halved.
     proposed, turned, turning = depth.copy(), tilt.copy(), np.zeros(count)
     steps, halvings = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
-    allowed = _BALANCE if problem.options.press.skip.parts else _BALANCE_OF_PARTS
     blanks: dict[int, str] = {}
     row, better = trying, np.ones(len(trying), dtype=bool)
     while len(trying):
@@ -242,7 +222,7 @@ def _solve(
         accepted = trying[better]
         depth[accepted], tilt[accepted] = contact.depth[better], contact.tilt[better]
         energy[accepted], missing[accepted] = contact.energy[better], contact.missing[better]
-        resting = better & (contact.missing <= allowed)
+        resting = better & (contact.missing <= _BALANCE)
         blanks |= dict.fromkeys(trying[resting & (leaning > MOST_TILT)].tolist(), TIPPED)
         for index in trying[~better & (halvings[trying] == _MOST_HALVINGS)].tolist():
             blanks[index] = (
@@ -283,7 +263,7 @@ def _step(
     wrist, lost = stage.wrist_stiffness, {}
     for row, index in zip(rows.tolist(), presses.tolist(), strict=True):
         springs, stiffness = bed.springs[row], 1e3 * float(problem.stiffness[index])
-        placed = scene(stage, len(springs.share), problem.touches.poses[index], problem.touches.tilts[index])
+        placed = scene(stage, len(springs.share), problem.touches.tilts[index])
         bending = contact.bending[row]
         placed.set_springs(
             springs._replace(position=position[springs.rows]),
@@ -316,7 +296,7 @@ def _fall(stage: Setup, springs: Springs, touches: Touches, index: int, force: f
 
     Done only where the skip of presses without contact is switched off, to show that it changes nothing.
     """
-    placed = scene(stage, len(springs.share), touches.poses[index], touches.tilts[index])
+    placed = scene(stage, len(springs.share), touches.tilts[index])
     stiffness = force / _DEPTH  # as for a contact of 1 mm^2
     placed.set_springs(springs, stiffness, step=_time_step(stiffness))
     placed.reset(_DEPTH)

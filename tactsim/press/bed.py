@@ -6,7 +6,7 @@ part that touches, with a stiffness proportional to the part's area, then carrie
 that part. `clip` gives areas and centroids exactly.
 
 A face that is not flat is described by levels: flat regions, each at its own gap behind the foremost one.
-`levels` lists those of a letter: its face, the levels of a rounded edge, or its convex parts.
+`levels` lists those of a letter: its face, or the levels of a rounded edge.
 """
 
 from __future__ import annotations
@@ -52,20 +52,16 @@ class Level:
 
 
 def levels(letter: Letter, options: PressOptions) -> list[Level]:
-    """List the flat regions that a press can touch, the foremost first, or the letter's parts.
+    """List the flat regions that a press can touch, the foremost first.
 
     A rounded edge is a quarter circle, cut into levels at equal angles; each lies at its mean gap.
-    Raises InputError if a rounded letter is to be pressed by its parts, or if the letter has relief.
+    Raises InputError if the letter has relief.
     """
     if has_relief(letter, options):
         raise InputError(
             f"{letter.name!r} has relief, which is pressed at rest alone; give dynamics = equilibrium, engine = auto"
         )
-    if options.skip.parts:
-        return [Level(edges_of(letter.contours))] if not letter.rounding else _rounded(letter)
-    if letter.rounding:
-        raise InputError(f"letter {letter.name!r} has rounded edges, which are no parts; leave skip.parts on")
-    return [Level(edges_of([part.outline])) for part in letter.parts]
+    return _rounded(letter) if letter.rounding else [Level(edges_of(letter.contours))]
 
 
 def has_relief(letter: Letter, options: PressOptions) -> bool:
@@ -97,25 +93,21 @@ class Springs(NamedTuple):
 
     rows: which rows of the bed they are. position: (n, 3) m in the sensor frame, z along the press: where the
     letter meets each. share: (n,) each spring's area over the largest one's, by which its stiffness is
-    scaled. A spring without area, which nothing can touch, has share 1, so that a fault which touches it
-    shows in the forces. level: (n,) index of the level, or of the letter's part, that each one carries.
-    area: mm^2, of all. largest: mm^2, of the largest. flat: whether no spring of the whole bed has a gap.
+    scaled. area: mm^2, of all. largest: mm^2, of the largest.
     """
 
     rows: slice
     position: FloatArray
     share: FloatArray
-    level: NDArray[np.intp]
     area: float
     largest: float
-    flat: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Bed:
     """The covered cells of many presses, one row per contact, ordered by press, level and cell.
 
-    level: (contacts,) index of the level (or part) that touches. cell: (contacts,) row * columns +
+    level: (contacts,) index of the level that touches. cell: (contacts,) row * columns +
     column in the grid of cells. centre: (contacts, 2) mm, of the cell in the sensor frame. centroid:
     (contacts, 2) mm, of the part that touches. area: (contacts,) mm^2, of that part. gap: (contacts,) mm.
     moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part about the cell's centre (`clip.POWERS`).
@@ -139,7 +131,6 @@ class Bed:
     @cached_property
     def area_of_presses(self) -> FloatArray:
         """Sum the areas of each press's contacts, (presses,) mm^2."""
-        # Added one by one, springs without area do not change a bit of the sum.
         return np.asarray(np.bincount(self.press, self.area, len(self.start) - 1), dtype=float)
 
     @cached_property
@@ -150,12 +141,11 @@ class Bed:
         some = np.diff(self.start) > 0
         if some.any():
             largest[some] = np.maximum.reduceat(self.area, self.start[:-1][some])
-        share = np.divide(self.area, largest[self.press], out=np.ones_like(self.area), where=self.area > 0)
+        share = self.area / largest[self.press]
         position = np.column_stack([self.centroid, self.gap]) * MM
-        flat = not self.gap.any()
         rows = [slice(*pair) for pair in pairwise(self.start.tolist())]
         return [
-            Springs(here, position[here], share[here], self.level[here], area, most, flat)
+            Springs(here, position[here], share[here], area, most)
             for here, area, most in zip(rows, self.area_of_presses.tolist(), largest.tolist(), strict=True)
         ]
 
@@ -182,7 +172,6 @@ def lay_bed(
     tilts: FloatArray | None = None,
     depths: FloatArray | None = None,
     moments: int = EVEN_MOMENTS,
-    skip_empty: bool = True,
 ) -> Bed:
     """Find the contacts of a face at `poses` (n, 3) sensor_in_object with a grid of cells, mm.
 
@@ -190,8 +179,6 @@ def lay_bed(
     rad about the pad's x and y, by which the face is turned about the pad's middle. depths: (n,) mm, how
     deep the foremost level is at the pad's middle; what is not below the pad's surface then has no contact.
     Without `depths` all that lies over the pad has one. moments: how many, as in `clip.cell_moments`.
-    Without `skip_empty` a cell that a level does not cover gets a spring too, at the cell's centre; such a
-    spring has no area and nothing touches it.
     """
     rows, columns = len(y_lines) - 1, len(x_lines) - 1
     object_in_sensor = invert(poses)
@@ -221,9 +208,6 @@ def lay_bed(
         area = every[0]
         whole = area.sum(axis=(1, 2), keepdims=True)
         covered = (area > SMALLEST_PART * whole) & (whole > SMALLEST_CONTACT)
-        if not skip_empty:
-            every *= covered
-            covered = np.ones_like(covered)
         press, *level_and_cell = np.nonzero(covered)
         found.append((press + first, *level_and_cell, every[:, covered]))
     press, level_index, cell, kept = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
@@ -232,7 +216,7 @@ def lay_bed(
     centre = np.stack(
         [((x_lines[:-1] + x_lines[1:]) / 2)[column], ((y_lines[:-1] + y_lines[1:]) / 2)[row]], axis=1
     )
-    offset = np.divide(kept[1:3], area, out=np.zeros((2, len(area))), where=area > 0)
+    offset = kept[1:3] / area
     return Bed(
         level=level_index,
         cell=cell,

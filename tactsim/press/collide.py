@@ -61,7 +61,6 @@ class _Setup:
     points_per_taxel: int
     compression: float
     hinged: bool
-    skip_stages: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +105,6 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
                 press.points_per_taxel,
                 factor if relief else 1.0,
                 press.wrist_stiffness is not None,
-                press.skip.stages,
             )
         )
         _place(stage, pose, factor * slope[index])
@@ -245,8 +243,7 @@ def _compile(setup: _Setup) -> _Scene:
         <equality>{springs}</equality>
         </mujoco>"""
     )
-    if setup.skip_stages:
-        model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
+    model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
     data = mujoco.MjData(model)
     rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, rest, _STATE)

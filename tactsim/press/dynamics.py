@@ -24,7 +24,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.press.bed import MM, Bed, Springs, lay_bed, levels
 from tactsim.press.force_control import ForceControl
-from tactsim.press.scan_options import PressOptions, ScanOptions
+from tactsim.press.scan_options import CLEARANCE, PressOptions, ScanOptions
 from tactsim.press.scene import Scene, Setup, scene
 from tactsim.press.sensor import hysteretic
 from tactsim.press.spread import Patches
@@ -44,6 +44,8 @@ _TOUCH_CONSTANTS = 3.0  # time constants after a touch before they grow
 _GROWTH = 1.1
 _APPROACH_STEP = 0.15  # in time constants of braking
 _RAMP_STEPS = 25  # at least
+_DISSIPATION = 0.1  # s/mm, Hunt and Crossley's c of the layer (assumed)
+_WRIST_RELAXATION = 0.005  # s, damping over stiffness of the hinges (assumed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,23 +128,23 @@ def _bed(touches: Touches, options: ScanOptions) -> Bed:
     return lay_bed(levels(touches.letter, options.press), touches.poses, *options.cell_lines)
 
 
-def contact_history(bed: Bed, touches: Touches, index: int, options: ScanOptions) -> History:
-    """Step press `index` through time until it rests; `bed` is of all presses. Raises UnsettledError if it does not."""
+def contact_history(
+    bed: Bed, touches: Touches, index: int, options: ScanOptions, *, step_share: float = 1.0
+) -> History:
+    """Step press `index` through time until it rests; `bed` is of all presses.
+
+    step_share: of the steps that follow from stiffness, mass and force control, to show that these are short enough.
+    Raises UnsettledError if it does not rest.
+    """
     press, springs = options.press, bed.springs[index]
-    setup = Setup(
-        mass=press.moving_mass,
-        wrist_stiffness=press.wrist_stiffness,
-        letter=None if press.skip.parts else touches.letter,
-        skip_stages=press.skip.stages,
-    )
-    stage = scene(setup, len(springs.share), touches.poses[index], touches.tilts[index])
+    stage = scene(Setup(press.moving_mass, press.wrist_stiffness), len(springs.share), touches.tilts[index])
     force = float(touches.forces(press.force)[index])
-    return press_through_time(stage, springs, press.model_copy(update={"force": force}))
+    return _press_through_time(stage, springs, press.model_copy(update={"force": force}), step_share)
 
 
 def _even(bed: Bed, forces: FloatArray) -> Patches:
     """Spread each contact's force evenly over its part."""
-    return Patches(bed, np.divide(forces, bed.area, out=np.zeros_like(forces), where=bed.area > 0))
+    return Patches(bed, forces / bed.area)
 
 
 def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
@@ -162,14 +164,14 @@ def ideal_sequence(touches: Touches, options: ScanOptions) -> Moving | None:
     return Moving(history.times, images, history.trace)
 
 
-def press_through_time(stage: Scene, springs: Springs, options: PressOptions) -> History:
+def _press_through_time(stage: Scene, springs: Springs, options: PressOptions, step_share: float) -> History:
     """Press against `springs` until force and contacts have settled.
 
     Raises UnsettledError if they have not at the time limit.
     """
     count, force = len(springs.share), options.force
     stiffness = options.stiffness_over(springs.area)
-    dissipation = options.dissipation / MM
+    dissipation = _DISSIPATION / MM
     control = ForceControl.designed(
         stage.setup.mass,
         stiffness * springs.area,
@@ -178,10 +180,10 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
         ramp=options.ramp,
         dissipation=dissipation,
     )
-    shortest, longest, in_approach = _steps(control, options)
+    shortest, longest, in_approach = (step_share * step for step in _steps(control, options.ramp))
     touch_depth = stage.depth_of_touch(springs).min()
     stage.set_springs(springs, stiffness, step=shortest)
-    stage.reset(touch_depth - options.clearance * MM)
+    stage.reset(touch_depth - CLEARANCE * MM)
     stage.model.opt.tolerance = 1e-10
     data = stage.data
     now, measured, step, settled_at = 0.0, 0.0, shortest, 0.0
@@ -199,7 +201,7 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
             set_point = wanted = 0.0
             # Half of what is left at most, so that a long step does not carry it far into the layer.
             left = distance / max(velocity, control.touch_speed)
-            step = min(in_approach, max(shortest, options.time_step * left / 2))
+            step = min(in_approach, max(shortest, step_share * left / 2))
         else:
             set_point = control.set_point(now - touched, touch_velocity)
             wanted = control.contact(set_point, measured)
@@ -220,7 +222,7 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
             stiffness,
             step=taken,
             bed_relaxation=dissipation * depth,
-            hinge_relaxation=options.wrist_relaxation,
+            hinge_relaxation=_WRIST_RELAXATION,
         )
         stage.check_position()
         mujoco.mj_step(stage.model, data)
@@ -249,11 +251,11 @@ def press_through_time(stage: Scene, springs: Springs, options: PressOptions) ->
     raise UnsettledError(f"after {options.time_limit:g} s it {state}; a longer time_limit may help")
 
 
-def _steps(control: ForceControl, options: PressOptions) -> tuple[float, float, float]:
+def _steps(control: ForceControl, ramp: float) -> tuple[float, float, float]:
     """Choose the steps, s: the shortest, the longest in contact and the longest in approach."""
-    longest = max(_LATER_STEP / control.rate, math.sqrt(_LAG * options.ramp / control.rate))
-    if options.ramp:
-        longest = min(longest, options.ramp / _RAMP_STEPS)
+    longest = max(_LATER_STEP / control.rate, math.sqrt(_LAG * ramp / control.rate))
+    if ramp:
+        longest = min(longest, ramp / _RAMP_STEPS)
     shortest = min(_TOUCH_STEP / control.rate, longest)
     approach = max(shortest, _APPROACH_STEP / control.braking)
-    return options.time_step * shortest, options.time_step * longest, options.time_step * approach
+    return shortest, longest, approach

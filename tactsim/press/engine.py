@@ -2,8 +2,8 @@
 
 The engines answer the same question, each in a file of its own: `exact` (flat faces in closed form), `balance` (the
 engine `bed`: exact areas, MuJoCo solves the balance of what may move), `collide` (MuJoCo alone, its collision
-detection included), `relief` (any shape), `elastic` (a layer or half-space instead of springs) and, for a press through
-time, `dynamics`. Each is imported when it first presses: some bring MuJoCo, SciPy or compiled loops.
+detection included), `relief` (any shape) and, for a press through time, `dynamics`. Each is imported when it first
+presses: some bring MuJoCo or compiled loops.
 """
 
 from __future__ import annotations
@@ -65,8 +65,6 @@ def press_at(touches: Touches, options: ScanOptions) -> Pressed:
         from tactsim.press.collide import press
     elif name == "relief":
         from tactsim.press.relief import press
-    elif name == "elastic":
-        from tactsim.press.elastic import press
     else:
         from tactsim.press.dynamics import press
     pressed = press(touches, options)
@@ -175,25 +173,15 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         if obstacle:
             raise InputError(f"press.engine: {press.engine} cannot press this: {obstacle}; give auto")
         return press.engine
-    relief = has_relief(touches.letter, press)
-    if press.foundation != "winkler":
-        if relief:
-            raise InputError(
-                f"press.foundation: {press.foundation} cannot carry this: {touches.letter.name!r} has relief; "
-                "give winkler"
-            )
-        return "elastic"
-    if relief:
+    if has_relief(touches.letter, press):
         return "relief"
     level = press.wrist_stiffness is None and not touches.tilts.any() and not touches.letter.rounding
-    return "exact" if level and press.skip.solver and press.skip.parts else "bed"
+    return "exact" if level else "bed"
 
 
 def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
     """Say why an engine cannot press this; nothing if it can."""
     press = options.press
-    if press.foundation != "winkler":
-        return f"press.foundation is {press.foundation}, and it has springs that do not move each other"
     if engine in ("exact", "bed") and has_relief(touches.letter, press):
         return f"{touches.letter.name!r} has relief"
     if engine == "exact" and touches.letter.rounding:

@@ -28,14 +28,7 @@ def press(touches: Touches, options: ScanOptions) -> Pressed:
     bed = lay_bed(face, touches.poses, *lines)
     area = bed.area_of_presses
     touching = np.flatnonzero(area)
-    cells = (len(lines[0]) - 1) * (len(lines[1]) - 1)
-    work = Counter(
-        presses=len(touching),
-        no_contact=len(touches) - len(touching),
-        solver=len(touching),
-        cells=len(touching) * cells - len(bed.area),
-        parts=len(touching),
-    )
+    work = Counter(presses=len(touching), no_contact=len(touches) - len(touching))
     if options.press.wrist_stiffness is None and not touches.tilts.any():
         return Pressed(touches, Patches(bed, force[bed.press] / area[bed.press]), work)
     states = rest(touches, options)

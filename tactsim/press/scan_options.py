@@ -10,12 +10,22 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from tactsim.core.checking import Settings
+from tactsim.core.checking import Settings, without_gone
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press.spread import cell_lines
 
+CLEARANCE = 0.2  # mm between letter and pad before a press through time (assumed)
 _MOST_CELLS = 200_000  # of the bed: 1 GB of moments for the presses that are laid out together
+# Options of earlier versions, with the values that press as now.
+_GONE = {
+    "foundation": "winkler",
+    "poisson": 0.45,
+    "dissipation": 0.1,
+    "wrist_relaxation": 0.005,
+    "clearance": CLEARANCE,
+    "time_step": 1.0,
+}
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -23,21 +33,12 @@ class Skips(Settings):
     """Work that is left out because it cannot change a reading. Each switch brings it back, to show just that."""
 
     no_contact: bool = Field(True, description="no physics for a press that does not touch")
-    cells: bool = Field(True, description="no contact for cells of the bed that the letter does not cover")
-    parts: bool = Field(
-        True, description="one plane for a flat face instead of the letter's convex parts, near or far"
-    )
-    stages: bool = Field(True, description="no stage of MuJoCo that the press does not read")
-    solver: bool = Field(True, description="no solver for a flat face that stays level")
     known: bool = Field(True, description="no press of the same letter at exactly the same pose again")
 
-    @model_validator(mode="after")
-    def _planes_reach_everywhere(self) -> Skips:
-        if self.parts and not self.cells:
-            raise ValueError(
-                "cells can only be kept with the letter's parts (parts = false): a plane touches them all"
-            )
-        return self
+    @model_validator(mode="before")
+    @classmethod
+    def _of_earlier_versions(cls, values: object) -> object:
+        return without_gone(values, dict.fromkeys(("cells", "parts", "stages", "solver"), True))
 
 
 class PressOptions(Settings):
@@ -67,13 +68,6 @@ class PressOptions(Settings):
     thickness: float = Field(
         1.0, ge=1e-3, le=100, description="mm of the pad's layer, past which it gives no more way (assumed)"
     )
-    foundation: Literal["winkler", "layer", "half-space"] = Field(
-        "winkler",
-        description="independent springs, an elastic layer bonded to a rigid base, or an elastic half-space",
-    )
-    poisson: float = Field(
-        0.45, ge=0, le=0.49, description="Poisson's ratio of a layer or half-space (assumed)"
-    )
     tilt_x: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's x between letter and pad")
     tilt_y: float = Field(0.0, ge=-0.2, le=0.2, description="rad about the pad's y between letter and pad")
     wrist_stiffness: float | None = Field(
@@ -88,33 +82,20 @@ class PressOptions(Settings):
     moving_mass: float = Field(
         0.1, ge=1e-3, le=100, description="kg, of what is moved; full dynamics (assumed)"
     )
-    dissipation: float = Field(
-        0.1,
-        ge=0,
-        le=10,
-        description="s/mm, Hunt and Crossley's c of the layer: its force is k d (1 + c v); full dynamics (assumed)",
-    )
-    wrist_relaxation: float = Field(
-        0.005, ge=0, le=1, description="s, damping over stiffness of the hinges; full dynamics (assumed)"
-    )
     approach_speed: float = Field(
         10.0, gt=0, le=1000, description="mm/s at most before contact; full dynamics (assumed)"
-    )
-    clearance: float = Field(
-        0.2, ge=0, le=10, description="mm between letter and pad at first; full dynamics (assumed)"
     )
     ramp: float = Field(0.05, ge=0, le=10, description="s, touch to full set point; full dynamics (assumed)")
     time_limit: float = Field(
         5.0, gt=0, le=100, description="s after which a press counts as unsettled; full dynamics"
     )
-    time_step: float = Field(
-        1.0,
-        ge=0.01,
-        le=1,
-        description="share of the steps that follow from stiffness, mass and force control; full dynamics",
-    )
     frame_rate: float = Field(200.0, gt=0, le=1e4, description="images a second; full dynamics (assumed)")
     skip: Skips = Field(default_factory=Skips)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_earlier_versions(cls, values: object) -> object:
+        return without_gone(values, _GONE)
 
     @field_validator("wrist_stiffness", mode="before")
     @classmethod
@@ -123,16 +104,11 @@ class PressOptions(Settings):
 
     @model_validator(mode="after")
     def _can_be_stepped(self) -> PressOptions:
-        least = self.clearance / self.approach_speed + self.ramp
+        least = CLEARANCE / self.approach_speed + self.ramp
         if self.dynamics == "full" and self.time_limit <= least:
             raise ValueError(
-                f"time_limit = {self.time_limit:g} s is over before the force is: approach (clearance / "
+                f"time_limit = {self.time_limit:g} s is over before the force is: approach ({CLEARANCE:g} mm / "
                 f"approach_speed) and ramp take {least:g} s"
-            )
-        if self.dynamics == "full" and self.foundation != "winkler":
-            raise ValueError(
-                f"foundation = {self.foundation} is pressed at rest only; give dynamics = equilibrium or "
-                f"foundation = winkler"
             )
         return self
 

@@ -194,7 +194,7 @@ def _ideal(
     """Get what each batch reads without imperfections: known already, from the cache, or pressed now."""
     keys = [cached.key(batch.touches, options) for batch in batches]
     names = [(key, 0 if options.press.skip.known else index) for index, key in enumerate(keys)]
-    work = Counter(presses=0, known=0, cached=0, no_contact=0, solver=0, cells=0, parts=0, stages=0)
+    work = Counter(presses=0, known=0, cached=0, no_contact=0)
     wanted: dict[tuple[str, int], _Batch] = {}
     ideal: dict[tuple[str, int], _Ideal] = {}
     for name, batch in zip(names, batches, strict=True):
@@ -339,7 +339,7 @@ def _seconds_per_press(options: ScanOptions) -> float:
     level = options.press.wrist_stiffness is None and not options.placement_tilt
     if options.press.engine == "collide":
         return 1e-3
-    return 1e-3 if options.rounding or not options.press.skip.parts or not level else 1e-4
+    return 1e-3 if options.rounding or not level else 1e-4
 
 
 def _meta(options: ScanOptions, letters: Sequence[models.Letter]) -> dict[str, Any]:

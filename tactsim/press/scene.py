@@ -21,10 +21,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from tactsim.core.poses import FloatArray, invert
-from tactsim.models.letter import ConvexPart, Letter
+from tactsim.core.poses import FloatArray
+from tactsim.models.letter import ConvexPart
 from tactsim.press.bed import MM, Springs, slopes
 from tactsim.press.touches import UnsettledError
 
@@ -58,15 +57,11 @@ UNREAD_STAGES = (
 class Setup:
     """What a scene is compiled for.
 
-    mass: kg, of what moves. wrist_stiffness: N mm / rad, of the hinges that let a tilt give way; None: it is
-    rigid. letter: its convex parts are what the spheres can touch; None: one plane is, which is the same for a flat
-    face, since spheres stand only where the face is.
+    mass: kg, of what moves. wrist_stiffness: N mm / rad, of the hinges that let a tilt give way; None: it is rigid.
     """
 
     mass: float
     wrist_stiffness: float | None = None
-    letter: Letter | None = None
-    skip_stages: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +75,9 @@ class Scene:
     rest: FloatArray  # the state that every press starts from
     # Views of the model's arrays that a press writes: of the spheres, of their pairs, of the letter.
     position: FloatArray
-    touched: NDArray[np.int32]
     solref: FloatArray
     solimp: FloatArray
     inverse_weight: FloatArray
-    letter_body: int
     gimbal_body: int
     tilt: FloatArray  # rad about x and y, between letter and pad where nothing pushes
 
@@ -129,8 +122,6 @@ class Scene:
         self.position[:count] = springs.position
         self.position[count:, 2] = _FAR
         self.model.pair_margin[:count] = margin
-        if self.setup.letter is not None:
-            self.touched[:count] = self.capacity + springs.level  # parts' geoms follow the spheres
         self.set_step(
             springs,
             stiffness,
@@ -197,11 +188,11 @@ class Scene:
             )
 
 
-def scene(setup: Setup, springs: int, sensor_in_object: FloatArray, tilt: FloatArray) -> Scene:
+def scene(setup: Setup, springs: int, tilt: FloatArray) -> Scene:
     """Give this thread's scene with room for `springs`, compiled when it is first asked for.
 
-    Its letter is where a pose [x mm, y mm, theta rad] and a nominal tilt (2,) rad have it: its face is at z = 0 in the
-    pad's middle.
+    Its letter's face is at z = 0 in the pad's middle, at a nominal tilt (2,) rad. What the spheres can touch is one
+    plane: they stand only where the face is.
     """
     capacity = 1 << max(4, (springs - 1).bit_length())
     known = _THREAD.__dict__.setdefault("scenes", OrderedDict())
@@ -218,10 +209,6 @@ def scene(setup: Setup, springs: int, sensor_in_object: FloatArray, tilt: FloatA
         (cos_x, cos_y), (sin_x, sin_y) = np.cos(tilt / 2), np.sin(tilt / 2)
         quaternion = (cos_x * cos_y, sin_x * cos_y, cos_x * sin_y, sin_x * sin_y)
         found.model.body_quat[found.gimbal_body] = quaternion
-    if setup.letter is not None:
-        x, y, angle = invert(sensor_in_object)
-        found.model.body_pos[found.letter_body] = (x * MM, y * MM, -setup.letter.height * MM)
-        found.model.body_quat[found.letter_body] = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
     return found
 
 
@@ -230,21 +217,17 @@ _MOST_SCENES = 16
 
 
 def _compile(setup: Setup, capacity: int) -> Scene:
-    meshes, geoms = "", '<geom name="part0" type="box" size="1 1 1" pos="0 0 -1"/>'
-    if setup.letter is not None:
-        described = [describe_part(index, part) for index, part in enumerate(setup.letter.parts)]
-        meshes, geoms = ("".join(texts) for texts in zip(*described, strict=True))
     cells = range(capacity)
     spheres = "".join(f'<geom name="cell{i}" size="{RADIUS}" pos="0 0 {_FAR + i}"/>' for i in cells)
-    pairs = "".join(f'<pair geom1="cell{i}" geom2="part0" condim="1"/>' for i in cells)
+    pairs = "".join(f'<pair geom1="cell{i}" geom2="face" condim="1"/>' for i in cells)
     hinged = setup.wrist_stiffness is not None
-    carriage, springs = describe_carriage(geoms, setup.mass, hinged=hinged, height=-RADIUS)
+    face = '<geom name="face" type="box" size="1 1 1" pos="0 0 -1"/>'
+    carriage, springs = describe_carriage(face, setup.mass, hinged=hinged, height=-RADIUS)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
         <option gravity="0 0 0" iterations="20" ccd_tolerance="1e-12" ccd_iterations="200"/>
         <default><geom contype="0" conaffinity="0" density="0"/></default>
-        <asset>{meshes}</asset>
         <worldbody>
           {spheres}
           {carriage}
@@ -253,8 +236,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         <equality>{springs}</equality>
         </mujoco>"""
     )
-    if setup.skip_stages:
-        model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
+    model.opt.disableflags = sum(int(stage) for stage in UNREAD_STAGES)
     data = mujoco.MjData(model)
     rest = np.zeros(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, rest, _STATE)
@@ -266,11 +248,9 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         data,
         rest,
         position=model.geom_pos[:capacity],
-        touched=model.pair_geom2,
         solref=model.pair_solref,
         solimp=model.pair_solimp,
         inverse_weight=model.body_invweight0[body],
-        letter_body=body,
         gimbal_body=gimbal,
         tilt=np.zeros(2),
     )

@@ -1,4 +1,4 @@
-"""Contact forces against closed forms and brute force: balance, foundations, tilt, rounded edges."""
+"""Contact forces against closed forms and brute force: balance, tilt, rounded edges."""
 
 import numpy as np
 import pytest

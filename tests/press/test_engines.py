@@ -13,7 +13,6 @@ from tactsim.core import Pad, transform
 from tactsim.press.clip import covers
 from tactsim.press.engine import press_at
 from tactsim.press.points import lattice
-from tactsim.press.scan_options import Skips
 from tactsim.press.scan_poses import REACH, grid_poses, random_poses
 from tactsim.press.touches import Touches
 
@@ -146,10 +145,6 @@ def test_presses_do_not_depend_on_those_before():
     together = press_at(touches, chosen).readings(chosen)
     backwards = Touches(touches.letter, touches.poses[::-1], touches.tilts[::-1])
     assert np.array_equal(press_at(backwards, chosen).readings(chosen)[::-1], together)
-    chosen = chosen.model_copy(
-        update={"press": chosen.press.model_copy(update={"skip": Skips(stages=False)})}
-    )
-    assert np.array_equal(press_at(touches, chosen).readings(chosen), together)
 
 
 def test_a_letter_that_tips_over_is_a_blank_with_its_reason():

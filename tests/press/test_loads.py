@@ -22,7 +22,6 @@ LOAD = np.array([0.4, 1.0, 1.7, 2.0])
         {"engine": "collide"},
         {"engine": "relief"},
         {"stiffness": 1.0},  # so soft that the layer is as stiff as the load asks for
-        {"foundation": "half-space", "stiffness": 1.0},
         {"dynamics": "full"},
     ],
     ids=str,

@@ -5,6 +5,7 @@ from level_world import level_press, level_scan
 from tactsim import models
 from tactsim.bench.runs.scan_quality import classifier_agreement
 from tactsim.core import InputError
+from tactsim.core.checking import checked
 from tactsim.press import WORLDS, ScanOptions, press_letter, scan_letters
 
 
@@ -134,10 +135,42 @@ def test_every_press_has_a_tilt_of_its_own():
     scan, work = scan_letters(tilted, cache=False)
     level, _ = scan_letters(level_scan(letters=("O",)), cache=False)
     assert work["engine_bed"] == work["presses"]
-    assert work["skipped"]["solver"] == 0
     touched = level.readings.max(axis=1) > 20
     change = np.abs(scan.readings - level.readings).max(axis=1)[touched]
     assert (change > 0.5).mean() > 0.95
     assert np.median(change / level.readings.max(axis=1)[touched]) > 0.1
     train, test = (scan.where(split=split).readings for split in ("train", "test"))
     assert np.abs(train - test).max() > 20
+
+
+GONE = {
+    "foundation": "winkler",
+    "poisson": 0.45,
+    "dissipation": 0.1,
+    "wrist_relaxation": 0.005,
+    "clearance": 0.2,
+    "time_step": 1.0,
+    "skip": {"cells": True, "parts": True, "stages": True, "solver": True, "known": True},
+}
+
+
+def test_options_that_are_gone_may_still_state_what_they_always_are():
+    stated = checked(ScanOptions, {"press": GONE | {"force": 3.0}}, "scan")
+    assert stated == ScanOptions(press={"force": 3.0})
+
+
+@pytest.mark.parametrize(
+    ("press", "message"),
+    [
+        (
+            {"foundation": "layer"},
+            r"^scan: press: foundation is always winkler now, and no option; leave it out",
+        ),
+        ({"time_step": 0.5}, r"^scan: press: time_step is always 1.0 now"),
+        ({"skip": {"parts": False}}, r"^scan: press.skip: parts is always True now"),
+    ],
+)
+def test_an_option_that_is_gone_and_says_otherwise_is_one_line(press, message):
+    with pytest.raises(InputError, match=message) as refused:
+        checked(ScanOptions, {"press": press}, "scan")
+    assert "\n" not in str(refused.value)
