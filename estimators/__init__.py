@@ -2,8 +2,9 @@
 
 Lives here: the face of every estimator, and three rooms. `likelihoods` says what a reading tells of a state,
 `field` sums that over the readings of a sequence, `filters` keep a belief. Imports go one way: filters, field,
-likelihoods. Beside them `contract` checks what every estimator, also one of a package of its own, must keep. Does
-not live here: physics, files, scores. Of `tactsim` it sees only `core`.
+likelihoods. Leaves beside them: `baselines` have no map, `synthesis` presses the known shapes itself. `contract` checks
+what every estimator, also one of a package of its own, must keep. Does not live here: physics, files, scores. Of
+`tactsim` it sees only `core`.
 """
 
 from tactsim.estimators.batch import BatchEstimator

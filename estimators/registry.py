@@ -35,7 +35,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "coarse-to-fine on predicted pressures instead of classes",
     ),
     "synthesis": (
-        "tactsim.estimators.filters.synthesis:Synthesis",
+        "tactsim.estimators.synthesis.synthesis:Synthesis",
         "analysis by synthesis: presses the known letters itself",
     ),
     "graded": (
@@ -43,15 +43,15 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "coarse-to-fine on shares of the reading's own pressure, for loads that vary",
     ),
     "nearest": (
-        "tactsim.estimators.filters.nearest:Nearest",
+        "tactsim.estimators.baselines.nearest:Nearest",
         "baseline without maps: which training readings are alike",
     ),
     "bag-of-features": (
-        "tactsim.estimators.filters.bag_of_features:BagOfFeatures",
+        "tactsim.estimators.baselines.bag_of_features:BagOfFeatures",
         "baseline without poses: how often a letter gives each kind of reading",
     ),
     "spectrum": (
-        "tactsim.estimators.filters.spectrum:Spectrum",
+        "tactsim.estimators.baselines.spectrum:Spectrum",
         "baseline without poses: the spectrum of whole presses, whatever their turn, and a linear classifier",
     ),
     "space-refined": (

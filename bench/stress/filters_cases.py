@@ -30,7 +30,7 @@ from tactsim.bench.stress.likelihood_cases import (
 from tactsim.core import compose
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimator
-from tactsim.estimators.filters.jackknife import influence
+from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.registry import load
 from tactsim.models import names
 

@@ -18,8 +18,7 @@ from tactsim.bench.stress.case_data import (
     probabilities,
 )
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.filters.particle_kernels import draw
-from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode
+from tactsim.estimators.filters.particle_kernels import PARZEN_STEP, draw, parzen_mode
 
 
 def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:

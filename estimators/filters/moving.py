@@ -18,7 +18,7 @@ from tactsim.estimators.filters.states import WeightedStates, Weights, letter_ma
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.map_filter import MapFilter
-    from tactsim.estimators.filters.synthesis import Synthesis
+    from tactsim.estimators.synthesis.synthesis import Synthesis
 
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
 _SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move

@@ -14,8 +14,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples, probabilities
 from tactsim.estimators.filters.map_filter import MapFilter
-from tactsim.estimators.filters.particle_kernels import draw, move
-from tactsim.estimators.filters.parzen import parzen_mode
+from tactsim.estimators.filters.particle_kernels import draw, move, parzen_mode
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, shared, uniform_states
 from tactsim.estimators.options import FilterOptions
 

@@ -26,12 +26,11 @@ from tactsim.estimators.filters.cells import (
     refine,
 )
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
-from tactsim.estimators.filters.jackknife import influence_at
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
-from tactsim.estimators.filters.trust import Misfit, Trust
-from tactsim.estimators.filters.trust_learning import learn_trust
+from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
+from tactsim.estimators.filters.trust_kernels import influence_at
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import MODELS, FilterOptions, OpenSetOptions
 

@@ -1,4 +1,4 @@
-"""The weight of the log-likelihood of a sequence of readings: how much they count (learned in `trust_learning`).
+"""The weight of the log-likelihood of a sequence of readings: how much they count.
 
 A likelihood multiplies the taxels of a reading as if they erred independently. They do not: neighbours share the error
 of the press's place and of the map, so that a posterior is too narrow. Here the log-likelihood of a sequence is given a
@@ -6,18 +6,45 @@ weight (a composite likelihood: Pauli, Racugno and Ventura 2011).
 
 How much readings err is learned from those of training. Readings of a trial may err more, under a load that was not
 trained, or less, between positions that lie well. They tell so themselves, by how far they disagree about the place:
-the infinitesimal jackknife (`jackknife`). With few readings they tell little. So the weight is that of training,
+the infinitesimal jackknife (`trust_kernels`). With few readings they tell little. So the weight is that of training,
 corrected like a variance whose prior is worth a number of readings.
 
 Readings of another load, pad or object than those of training are explained badly, wherever the object is thought to
 be. Then no letter is like what is felt, and one that is less unlike than the others is not much more probable. `Misfit`
 says how badly left-out training readings are explained, and so what of a sequence nothing in training explains.
+
+The weight that is learned is the one with which regions that hold 90 % of the belief hold the truth in 90 % of
+sequences of left-out training readings.
+
+Readings at new places err independently, but left-out training readings do not: those at one position miss the same
+press, and all of them together agree with the maps, which are their mean. So each reading of a sequence is mirrored, or
+not, at random: moves of the object change their sign. That keeps the size of its error and what its likelihood makes
+of it, and takes the correlation away (the wild bootstrap: Wu 1986, Liu 1988). What new readings do share is the error
+of a map that was learned from N readings: the mean of n errs with the variance v / n + v / N.
+
+A left-out reading errs too little if the map has other presses at its position, and too much if it has none: with the
+share h of the map that a position has, its variance is (1 - h) and 1 / (1 - h) times what it is by itself. So readings
+are left out in both ways. h is found from the two, and their geometric mean is the variance itself (compare HC2 of
+MacKinnon and White 1985). At a new place the map's own error is added, h of that variance: (1 + h) in all, as for every
+prediction of least squares.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core import Scan
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mostly_held, sums_of_readings
+from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
+from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 # Sequences of few and of many readings are tried.
 FEW, MANY = 3, 20
@@ -106,3 +133,172 @@ def shown_error(weight: float, readings: int, influence: float) -> float:
     sum to the mean's variance beside the belief's, readings / (readings - 1) of it because each reading is in the mean.
     """
     return weight * readings**2 / (readings - 1) * influence
+
+
+# So many sequences of a number of readings of a letter are tried, at poses off by so many moves.
+_SEQUENCES, _MOVES = 120, 4096
+# What is learned is one number: more letters than these are not needed for it.
+_LETTERS = 6
+# mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
+_LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
+_ROOT = 1.1673039782614187  # of x^5 = x + 1
+_SHARE = 0.9
+_LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 8
+
+
+def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
+    """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
+    train, rng = scan.where("train"), np.random.default_rng(0)
+    labels = _some_labels(train)
+    shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
+    errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
+    for whole_positions in (False, True):
+        left_out = _left_out(likelihood, train, labels, states, whole_positions)
+        if left_out is None:
+            return Trust()
+        log_p = [one.log_p for one in left_out]
+        misfits = np.concatenate([one.most - one.log_p[:, size.argmin()] for one in left_out])
+        found = [_typical(log_p, count, shift, size, rng) for count in (FEW, MANY)]
+        errors.append([one.error for one in found])
+        seen.append([one.seen for one in found])
+        longest = found[1].readings
+    few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
+    growth = max(0.0, (many - few) / math.log(longest / FEW)) if longest > FEW else 0.0
+    own = (
+        few - growth * math.log(FEW) if growth else (few + many) / 2
+    )  # one number from both if there is no growth
+    own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
+    trained = len(train) / len(train.letters)
+    few_seen, many_seen = np.mean(seen, axis=0).tolist()
+    misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
+    return Trust(own, growth, own / trained, few_seen, many_seen, longest, misfit)
+
+
+def _some_labels(train: Scan) -> list[str]:
+    """Choose objects to learn a weight from, in any order of the scan the same."""
+    return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]
+
+
+@dataclass(frozen=True)
+class _LeftOut:
+    """What maps without some training readings of a letter say of them, in nats.
+
+    log_p: (readings, moves) at moved poses. most: (readings,) an upper bound of what any pose could give.
+    """
+
+    log_p: FloatArray
+    most: FloatArray
+
+
+@dataclass(frozen=True)
+class _Typical:
+    """What sequences of left-out readings say of an error.
+
+    error: 1 / weight. seen: the share of it that the jackknife finds. readings: in a sequence, the mean of the letters.
+    """
+
+    error: float
+    seen: float
+    readings: float
+
+
+def _typical(
+    log_p: Sequence[FloatArray], count: int, shift: FloatArray, size: FloatArray, rng: np.random.Generator
+) -> _Typical:
+    """Learn from sequences of so many readings: the means of the letters but the least and the greatest.
+
+    The turn of a round letter is free, and only small turns are tried.
+    """
+    found = []
+    # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
+    log_volume, along = 3 * np.log(size), np.ascontiguousarray(shift.T)
+    for one in log_p:
+        drawn, mirrored = _sequences(len(one), count, rng)
+        sums = sums_of_readings(one, drawn, mirrored)
+        weight = _weight(sums, log_volume, along)
+        moved = influence_in_sequences(one, drawn, mirrored, sums, weight, log_volume, along)
+        readings = drawn.shape[1]
+        found.append((1 / weight, weight * shown_error(weight, readings, moved) if readings > 1 else 0.0))
+    error, seen = np.sort(found, axis=0)[1:-1].mean(axis=0) if len(found) > 2 else np.mean(found, axis=0)
+    return _Typical(float(error), float(seen), float(np.mean([min(len(one), count) for one in log_p])))
+
+
+def _at_a_new_place(kept: float, gone: float) -> float:
+    """Find 1 / weight at a new place from those with and without the position in the map: kept, gone.
+
+    By the equations at the top of this module. Of few sequences kept may seem larger than gone: then h is 0.
+    """
+    kept = min(kept, gone)
+    share = 1 - math.sqrt(kept / gone)
+    return math.sqrt(kept * gone) * (1 + share)
+
+
+def _weight(sums: FloatArray, log_volume: FloatArray, along: FloatArray) -> float:
+    """Find the weight with which regions of 90 % hold no move at all in 90 % of sequences, log p (sequences, moves).
+
+    log_volume: (moves,) of what a move stands for. along: (2, moves) mm; only shifts count, because a round letter's
+    turn is unknown.
+    """
+    low, high, order = _LOWEST, _HIGHEST, np.arange(len(sums))
+    for _ in range(_BISECTIONS):
+        middle = math.sqrt(low * high)
+        held = mostly_held(sums, order, middle, log_volume, along, _SHARE)
+        low, high = (middle, high) if held else (low, middle)
+    return math.sqrt(low * high)
+
+
+def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Draw moves of an object: shifts (n, 2) of its centre [x, y], sizes (n,), mm, and T_R^O (3, n).
+
+    They have all sizes, as many of one order of magnitude as of another, and all directions, spread evenly by an
+    additive recurrence (Richtmyer 1951) with the powers of the root of x^5 = x + 1 (Roberts 2018). Few of them lie in a
+    narrow region, and drawn independently they would make it seem narrower than it is. The second half are those of
+    the first half the other way.
+    """
+    spread = (np.arange(1, _MOVES // 2 + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
+    size = _LEAST * (_MOST / _LEAST) ** spread[:, 0]
+    direction = np.vectorize(NormalDist().inv_cdf)(spread[:, 1:])
+    move = direction / np.linalg.norm(direction, axis=1, keepdims=True) * size[:, None]
+    move, size = np.concatenate([move, -move]), np.tile(size, 2)
+    turn = move[:, 2] / _GYRATION
+    cos, sin, (x, y) = np.cos(turn), np.sin(turn), centre
+    about = centre - np.column_stack([cos * x - sin * y, sin * x + cos * y])
+    shift = move[:, :2].copy()
+    return shift, size, np.column_stack([shift + about, turn]).T
+
+
+def _left_out(
+    likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray, whole_positions: bool
+) -> list[_LeftOut] | None:
+    """Compute log p of training readings at moved poses, without themselves or all presses at their positions.
+
+    Returns what is found for each letter; None if the likelihood cannot leave readings out.
+    """
+    part = by_letter(folds if whole_positions else presses, train)
+    known = touched_elsewhere(train, part)
+    found: dict[str, list[FloatArray]] = {label: [] for label in labels}
+    most: dict[str, list[float]] = {label: [] for label in labels}
+    for number in range(FOLDS):
+        rest = likelihood.without(train, part == number, labels, whole_positions)
+        if rest is None:
+            return None
+        cell = rest.options.cell
+        field = LikelihoodField(rest, labels, train.taxel_xy, (cell, cell), cell)
+        for letter, label in enumerate(labels):
+            for k in np.flatnonzero((part == number) & (train.labels == label)):
+                evidence = rest.evidence(train.readings[k]).of_taxels(known[k])
+                field.append(evidence, np.array(train.poses[k]))
+                found[label].append(field.log_p(letter, states, len(field) - 1))
+                most[label].append(field.most(len(field) - 1))
+    return [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]
+
+
+def _sequences(
+    readings: int, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Draw sequences of `count` of a letter's readings, or of all, and half of the readings to be mirrored.
+
+    Returns the readings' numbers, and 1 for those that are mirrored, (sequences, count) both.
+    """
+    drawn = np.array([rng.permutation(readings)[:count] for _ in range(_SEQUENCES)])
+    return drawn, rng.integers(2, size=drawn.shape)

@@ -10,8 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, steepness
-from tactsim.estimators.likelihoods.class_table import Calibration, calibrate, quantile_edges
+from tactsim.estimators.likelihoods.calibrated import (
+    CalibratedLikelihood,
+    Calibration,
+    calibrate,
+    quantile_edges,
+    steepness,
+)
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap

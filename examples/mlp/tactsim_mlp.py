@@ -14,8 +14,8 @@ from pydantic import Field
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
 from tactsim.estimators.estimator import Options, check_order
-from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 from tactsim.estimators.likelihoods.folds import by_letter, folds, positions
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps_by

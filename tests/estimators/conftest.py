@@ -5,7 +5,7 @@ import pytest
 from synthetic import make_scan
 
 from tactsim.core import Scan
-from tactsim.estimators.filters import refined, trust_learning
+from tactsim.estimators.filters import refined, trust
 from tactsim.estimators.options import LikelihoodOptions
 from tactsim.press import ScanOptions, scan_letters
 
@@ -14,7 +14,7 @@ from tactsim.press import ScanOptions, scan_letters
 def weights_are_learned_once():
     """Learn how much a sequence counts once from equal models and readings, by fewer moves: it takes most of a fit.
 
-    It follows from them alone, however a filter is made besides. test_trust_learning.py asks for it anew each time,
+    It follows from them alone, however a filter is made besides. test_trust.py asks for it anew each time,
     and by all moves.
     """
     learn, known = refined.learn_trust, {}
@@ -25,7 +25,7 @@ def weights_are_learned_once():
         key = sha256(pickle.dumps((type(likelihood), learned, options, scan.digest))).digest()
         if key not in known:
             with pytest.MonkeyPatch.context() as fewer:
-                fewer.setattr(trust_learning, "_MOVES", 1024)
+                fewer.setattr(trust, "_MOVES", 1024)
                 known[key] = learn(likelihood, scan)
         return known[key]
 

@@ -10,9 +10,14 @@ from synthetic import fitted_anew, make_scan, paper_poses, started
 
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
-from tactsim.estimators.likelihoods.contact_information import mutual_information, pressure_information
 from tactsim.estimators.options import wants_pad_fit
-from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
+from tactsim.estimators.pad_fit import (
+    fit_to_pad,
+    mutual_information,
+    pressure_information,
+    response,
+    units_of,
+)
 
 SMALL = {
     "histogram": {"bins": 1000},

@@ -6,8 +6,7 @@ from scipy.ndimage import gaussian_filter
 from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import transform
-from tactsim.estimators.likelihoods.calibrated import _blurred, steepness
-from tactsim.estimators.likelihoods.class_table import calibrate, quantile_edges
+from tactsim.estimators.likelihoods.calibrated import _blurred, calibrate, quantile_edges, steepness
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds

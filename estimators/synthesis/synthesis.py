@@ -22,14 +22,13 @@ from tactsim.estimators.estimator import (
     check_reading,
     probabilities,
 )
-from tactsim.estimators.filters.expansion import expand, pressed
-from tactsim.estimators.filters.modes import GYRATION, Modes
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.pose_bank import PoseBank
 from tactsim.estimators.filters.states import WeightedStates, Weights, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.options import REACH, Reach, reach_of
+from tactsim.estimators.synthesis.modes import GYRATION, Modes, expand, pressed
+from tactsim.estimators.synthesis.pose_bank import PoseBank
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.moving import MovingBelief

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tactsim.core import compose
-from tactsim.estimators.filters.modes import Modes, sensor_motion
+from tactsim.estimators.synthesis.modes import Modes, sensor_motion
 
 
 def linear(rng, taxels=12):

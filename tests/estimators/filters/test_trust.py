@@ -10,16 +10,17 @@ from hypothesis import strategies as st
 from synthetic import fitted_anew, make_scan, paper_poses
 
 from tactsim.core import compose
-from tactsim.estimators.filters import trust_learning
-from tactsim.estimators.filters.trust_learning import learn_trust, mostly_held
+from tactsim.estimators.filters import trust
+from tactsim.estimators.filters.trust import learn_trust
+from tactsim.estimators.filters.trust_kernels import mostly_held
 
 
 def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
     centre = np.array([3.0, -2.0])
-    shift, size, states = trust_learning._moves(centre)
+    shift, size, states = trust._moves(centre)
     moved = np.array([compose(state, [*centre, 0.0]) for state in states.T])
     assert moved[:, :2] - centre == pytest.approx(shift)
-    assert np.hypot(np.hypot(*shift.T), trust_learning._GYRATION * moved[:, 2]) == pytest.approx(size)
+    assert np.hypot(np.hypot(*shift.T), trust._GYRATION * moved[:, 2]) == pytest.approx(size)
 
 
 LETTERS, READINGS = ("E", "I", "L", "O", "U"), 192
@@ -33,12 +34,12 @@ def gaussian(rng, too_sure, share=0.0):
     """
 
     def left_out(likelihood, train, labels, states, whole_positions):
-        shift, _, _ = trust_learning._moves(np.zeros(2))
-        place = np.column_stack([shift, trust_learning._GYRATION * states[2]])
+        shift, _, _ = trust._moves(np.zeros(2))
+        place = np.column_stack([shift, trust._GYRATION * states[2]])
         error = 1 / (1 - share) if whole_positions else 1 - share
         seen = rng.normal(size=(len(LETTERS), READINGS, 3)) * math.sqrt(error)
         return [
-            trust_learning._LeftOut(
+            trust._LeftOut(
                 -too_sure * ((place[None] / 0.4 - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
             )
             for one in seen
@@ -63,7 +64,7 @@ def known(too_sure):
 @pytest.mark.parametrize("too_sure", [1.0, 5.0])
 def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_for_it(monkeypatch, too_sure):
     """The misfit of a normal error is half a chi squared, and the jackknife sees all of it."""
-    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), too_sure))
+    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), too_sure))
     learned = learn_trust(None, SCAN)
     assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(too_sure), rel=0.2)
     assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
@@ -73,14 +74,14 @@ def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_fo
 
 def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch):
     # The error of a press by itself, and of the map.
-    monkeypatch.setattr(trust_learning, "_left_out", gaussian(np.random.default_rng(1), 2.0, share=0.4))
+    monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), 2.0, share=0.4))
     learned = learn_trust(None, SCAN)
     assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(2.0 * 1.4), rel=0.15)
 
 
 @given(st.floats(0.5, 10), st.floats(0, 1), st.floats(0, 1))
 def test_more_readings_never_say_less(own, growth, shared):
-    learned = trust_learning.Trust(own, growth * own, shared)
+    learned = trust.Trust(own, growth * own, shared)
     said = [n * learned(n) for n in range(1, 300)]
     assert np.all(np.diff(said) > 0)
 
@@ -97,7 +98,7 @@ def expected_influence(learned, readings):
     return shown * (readings - 1) / (learned(readings) * readings**2)
 
 
-LEARNED = trust_learning.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
+LEARNED = trust.Trust(own=1.5, growth=0.2, shared=0.01, few=0.7, many=0.9)
 
 
 @given(st.integers(2, 500), st.floats(0, 10), st.floats(0.01, 10))
@@ -117,7 +118,7 @@ def test_what_readings_tell_of_themselves_counts_as_their_number_says():
 
 @pytest.mark.parametrize("unknown", [math.nan, 5.0])
 def test_where_nothing_is_known_of_how_readings_disagree_the_weight_is_that_of_training(unknown):
-    learned = LEARNED if math.isnan(unknown) else trust_learning.Trust(own=1.5, growth=0.2, shared=0.01)
+    learned = LEARNED if math.isnan(unknown) else trust.Trust(own=1.5, growth=0.2, shared=0.01)
     assert [learned.given(n, unknown) for n in (1, 2, 9)] == [learned(n) for n in (1, 2, 9)]
     assert LEARNED.given(1, 5.0) == LEARNED(1)
 
@@ -145,7 +146,7 @@ def test_sequences_whose_region_excludes_no_move_are_counted_as_defined(seed):
 
 
 def test_one_sequence_of_training_in_twenty_is_badly_explained():
-    rng, misfit = np.random.default_rng(3), trust_learning.Misfit(9.0, 5.0)
+    rng, misfit = np.random.default_rng(3), trust.Misfit(9.0, 5.0)
     sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
     assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
     assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))

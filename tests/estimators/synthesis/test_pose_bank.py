@@ -5,7 +5,7 @@ import pytest
 from synthetic import BarForward, square_pad
 
 from tactsim.core import compose
-from tactsim.estimators.filters.pose_bank import PoseBank
+from tactsim.estimators.synthesis.pose_bank import PoseBank
 
 
 class TurnedForward(BarForward):

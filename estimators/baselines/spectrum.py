@@ -10,8 +10,8 @@ from tactsim.core import Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
 from tactsim.estimators.estimator import Options, check_order
-from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 from tactsim.estimators.likelihoods.folds import FOLDS
 
 _RADII, _ANGLES, _HARMONICS = 24, 36, 6

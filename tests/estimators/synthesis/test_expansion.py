@@ -4,7 +4,7 @@ import numpy as np
 
 from tactsim.core import compose, invert
 from tactsim.core.forward import Linearised
-from tactsim.estimators.filters.expansion import expand, likeliest_press
+from tactsim.estimators.synthesis.modes import expand, likeliest_press
 
 
 def test_the_likeliest_press_is_the_ridge_regression():

@@ -7,8 +7,8 @@ from pydantic import Field
 
 from tactsim.core import Scan, compose, invert
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
 from tactsim.estimators.estimator import Options, check_order
-from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 
 # The least kernel width, as a share of the training readings' root mean square.
 _LEAST_WIDTH = 1e-4

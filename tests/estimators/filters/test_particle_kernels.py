@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import wrap_angle
-from tactsim.estimators.filters.parzen import PARZEN_STEP, parzen_mode
+from tactsim.estimators.filters.particle_kernels import PARZEN_STEP, parzen_mode
 
 
 def parzen(nodes, states, weights, rho):

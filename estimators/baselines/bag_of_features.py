@@ -8,8 +8,8 @@ from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
 from tactsim.estimators.estimator import Options, check_order
-from tactsim.estimators.filters.reading_classifier import ReadingClassifier
 
 # What is added to each count, so that a word that a letter never gave is improbable and not impossible (Jeffreys).
 _UNSEEN = 0.5

@@ -7,8 +7,12 @@ import pytest
 from synthetic import fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.core import invert
-from tactsim.estimators.filters.jackknife import influence, influence_at, influence_in_sequences
-from tactsim.estimators.filters.trust_learning import sums_of_readings
+from tactsim.estimators.filters.trust_kernels import (
+    influence,
+    influence_at,
+    influence_in_sequences,
+    sums_of_readings,
+)
 
 
 def by_definition(log_p, weight, place):

@@ -12,12 +12,14 @@ import math
 
 import numpy as np
 
-from tactsim.core.compiling import Ints2D, Reals1D, Reals2D, compiled
+from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, compiled
 from tactsim.estimators.field.kernels import Sampled, Terms, replay
 from tactsim.estimators.filters.placement import inverse
 
 # Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
 _NEGLIGIBLE = 12.0
+# Nats below the largest; what has less adds nothing to a sum of doubles.
+_NOTHING = 50.0
 
 
 @compiled()
@@ -79,7 +81,7 @@ def influence_in_sequences(
 ) -> float:
     """Average `influence` over sequences of readings drawn from log p (readings, moves).
 
-    drawn, mirrored, sums: what `trust_learning.sums_of_readings` takes and gives. weight: of log p. log_volume:
+    drawn, mirrored, sums: what `sums_of_readings` takes and gives. weight: of log p. log_volume:
     (moves,) of what a move stands for. shift: (2, moves) mm.
     """
     sequences, count = drawn.shape
@@ -104,3 +106,65 @@ def influence_in_sequences(
         if not math.isnan(found):
             squared, counted = squared + found, counted + 1
     return squared / counted if counted else math.nan
+
+
+@compiled()
+def sums_of_readings(log_p: Reals2D, drawn: Ints2D, mirrored: Ints2D) -> Reals2D:
+    """Sum log p (readings, moves) over the readings that are drawn (sequences, count): (sequences, moves).
+
+    In a mirrored (sequences, count) reading, 1 and not 0, every move is the other way: moves come in two halves.
+    """
+    moves = log_p.shape[1]
+    half = moves // 2
+    sums = np.zeros((len(drawn), moves))
+    for sequence in range(len(drawn)):
+        there, back = sums[sequence, :half], sums[sequence, half:]
+        for k in range(drawn.shape[1]):
+            of_reading, first = log_p[drawn[sequence, k]], half * mirrored[sequence, k]
+            as_it_is, other_way = of_reading[first : first + half], of_reading[half - first : moves - first]
+            for move in range(half):
+                there[move] += as_it_is[move]
+                back[move] += other_way[move]
+    return sums
+
+
+@compiled(ordered=False, summed_in_order=False)
+def mostly_held(
+    log_p: Reals2D, order: Ints1D, weight: float, log_volume: Reals1D, shift: Reals2D, share: float
+) -> bool:
+    """Tell whether in more than a share of sequences the region with that share of the belief holds no move at all.
+
+    log_p: (sequences, moves) of sequences, counted with a weight. order: (sequences,) in which they are looked at;
+    those whose region leaves no move out come to its front, because they do so with another weight too, and few of
+    them decide. log_volume: (moves,) of what a move stands for. shift: (2, moves) mm, along x and y. A region is all
+    shifts that are nearer to their mean than a distance.
+    """
+    sequences, belief = len(log_p), np.empty(len(log_volume))
+    along_x, along_y = shift[0], shift[1]
+    left_out = 0
+    for looked_at in range(sequences):
+        of_sequence = log_p[order[looked_at]]
+        largest = -math.inf
+        for move in range(len(belief)):
+            belief[move] = weight * of_sequence[move] + log_volume[move]
+            largest = max(largest, belief[move])
+        for move in range(len(belief)):
+            below = belief[move] - largest
+            belief[move] = math.exp(below) if below > -_NOTHING else 0.0
+        total = sum_x = sum_y = 0.0
+        for move in range(len(belief)):
+            total += belief[move]
+            sum_x += belief[move] * along_x[move]
+            sum_y += belief[move] * along_y[move]
+        twice_x, twice_y, nearer = 2 * sum_x / total, 2 * sum_y / total, 0.0
+        for move in range(len(belief)):
+            # A shift s is nearer to the mean m than no move at all is, |s - m| < |m|, if |s|^2 < 2 s m.
+            x, y = along_x[move], along_y[move]
+            near = x * (x - twice_x) + y * (y - twice_y) < 0
+            nearer += belief[move] if near else 0.0
+        if nearer >= share * total:
+            order[left_out], order[looked_at] = order[looked_at], order[left_out]
+            left_out += 1
+            if sequences - left_out <= share * sequences:
+                return False
+    return sequences - left_out > share * sequences
