@@ -27,7 +27,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PlaneBelief
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, quantile_edges
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
-from tactsim.estimators.likelihoods.folds import by_letter, can_leave_out, folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import can_leave_out
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.likelihood import kind_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
@@ -331,11 +331,8 @@ def class_information(scan: Scan, options: LikelihoodOptions) -> float:
     model = CalibratedLikelihood(options)
     model.maps = maps
     model.threshold = threshold_of(options.threshold, scan.where("train").readings)
-    odds, classes, known = zip(*(model.left_out(label, scan) for label in maps), strict=True)
-    counted = _counted(list(known))
-    return mutual_information(
-        _binned(np.concatenate(odds)[counted], _PREDICTED), np.concatenate(classes)[counted].astype(np.intp)
-    )
+    odds, classes, counted = model.left_out(scan.where("train"))
+    return mutual_information(_binned(odds[counted], _PREDICTED), classes[counted].astype(np.intp))
 
 
 def pressure_information(scan: Scan, options: LikelihoodOptions) -> float:
@@ -346,8 +343,8 @@ def pressure_information(scan: Scan, options: LikelihoodOptions) -> float:
     train = scan.where("train")
     maps = learn_maps_by(options, scan)
     model = ForceLikelihood(options)
-    predicted, relative, _, _ = model.fit_mosaics(train, maps)
-    counted = _counted([touched_elsewhere(train, by_letter(folds, train))])
+    predicted, relative, _, _, known = model.fit_mosaics(train, maps)
+    counted = known if known.any() else ~known
     return mutual_information(_binned(predicted[counted], _PREDICTED), _binned(relative[counted], _FELT))
 
 
@@ -372,9 +369,3 @@ def mutual_information(first: NDArray[np.intp], second: NDArray[np.intp]) -> flo
 def _binned(values: FloatArray, bins: int) -> NDArray[np.intp]:
     """Say in which of so many bins that hold equally many each value lies; equal values share a bin."""
     return np.searchsorted(np.unique(quantile_edges(values, bins)), values, side="right")
-
-
-def _counted(known: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """Join what taxels were touched elsewhere, letter after letter; all of them if none was."""
-    joined = np.concatenate(known)
-    return joined if joined.any() else ~joined

@@ -41,9 +41,8 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.left_out import unseen
 from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mostly_held, sums_of_readings
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter, folds, presses, touched_elsewhere
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 
 # Sequences of few and of many readings are tried.
@@ -274,22 +273,13 @@ def _left_out(
 
     Returns what is found for each letter; None if the likelihood cannot leave readings out.
     """
-    part = by_letter(folds if whole_positions else presses, train)
-    known = touched_elsewhere(train, part)
     found: dict[str, list[FloatArray]] = {label: [] for label in labels}
     most: dict[str, list[float]] = {label: [] for label in labels}
-    for number in range(FOLDS):
-        rest = likelihood.without(train, part == number, labels, whole_positions)
-        if rest is None:
-            return None
-        cell = rest.options.cell
-        field = LikelihoodField(rest, labels, train.taxel_xy, (cell, cell), cell)
-        for letter, label in enumerate(labels):
-            for k in np.flatnonzero((part == number) & (train.labels == label)):
-                evidence = rest.evidence(train.readings[k]).of_taxels(known[k])
-                field.append(evidence, np.array(train.poses[k]))
-                found[label].append(field.log_p(letter, states, len(field) - 1))
-                most[label].append(field.most(len(field) - 1))
+    for asked, label, _ in unseen(likelihood, train, labels, whole_positions):
+        found[label].append(asked.log_p(labels.index(label), states, len(asked) - 1))
+        most[label].append(asked.most(len(asked) - 1))
+    if not any(found.values()):
+        return None
     return [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]
 
 

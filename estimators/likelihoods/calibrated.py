@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify, threshold_of
-from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import LeftOut
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds, log_odds_of
 
@@ -79,34 +79,48 @@ class CalibratedLikelihood(Likelihood):
         """Count classes at the training taxels, each against a map without the presses at its position."""
         self.maps = maps
         self.threshold = threshold_of(self.options.threshold, scan.where("train").readings)
-        odds, kinds, places = [], [], []
-        for label in maps:
-            train = scan.where("train", label)
-            found, classes, known = self.left_out(label, scan)
-            known = known if known.any() else ~known
-            odds.append(found[known])
-            kinds.append(classes[known])
-            places.append(transform(train.poses, train.taxel_xy)[known])
-        self.steeper = steepness(list(maps.values()), places, odds)
-        seen = np.concatenate(odds)
-        edges = quantile_edges(seen, self.options.quantiles)
-        self.calibration = calibrate(seen, np.concatenate(kinds), _CLASSES, edges)
+        train = scan.where("train")
+        odds, classes, counted = self.left_out(train)
+        self.steeper = self.steepness(train, odds, counted)
+        edges = quantile_edges(odds[counted], self.options.quantiles)
+        self.calibration = calibrate(odds[counted], classes[counted], _CLASSES, edges)
 
-    def left_out(self, label: str, scan: Scan) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.bool_]]:
-        """Look the taxels of a letter's training readings up in its map without the presses at their positions.
+    def left_out(self, train: Scan) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.bool_]]:
+        """Look the taxels of training readings up in maps without the presses at their positions.
 
-        Where no other press had a taxel, the map is taken as it is. scan: the one that the maps were learned from.
-        Returns log-odds, classes, and where another press had a taxel: (n, taxels) each.
+        Where no other press had a taxel, the map is taken as it is. train: what the maps were learned from. Returns
+        log-odds, classes, and which to count: those where another press had a taxel, or of a letter that has none all;
+        (n, taxels) each.
         """
-        train = scan.where("train", label)
         xy, classes = transform(train.poses, train.taxel_xy), self.classes(train.readings)
-        part, odds = folds(train), np.empty(classes.shape)
-        for number in range(int(part.max()) + 1):
-            mine = part == number
-            odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
-        known = touched_elsewhere(train, part)
-        odds[~known] = self.maps[label].log_odds_at(xy[~known])
-        return odds, classes, known
+        out = LeftOut.of(train)
+        odds, counted = np.empty(classes.shape), out.known.copy()
+        for label in self.maps:
+            own = train.labels == label
+            for gone in out:
+                mine = gone & own
+                odds[mine] = self._without(label, xy[mine], classes[mine]).log_odds_at(xy[mine])
+            unknown = own[:, None] & ~out.known
+            odds[unknown] = self.maps[label].log_odds_at(xy[unknown])
+            if not out.known[own].any():
+                counted[own] = True
+        return odds, classes, counted
+
+    def steepness(self, train: Scan, left_out: FloatArray, counted: NDArray[np.bool_]) -> float:
+        """Find how much farther from the prior's the maps' log-odds are than those without a press's position.
+
+        Log-odds are sums over the presses around a place, so a press at a new place meets larger ones than a press that
+        is left out. left_out, counted: as `left_out` gives them.
+        """
+        whole = part = 0.0
+        places = transform(train.poses, train.taxel_xy)
+        for label, chart in self.maps.items():
+            those = counted & (train.labels == label)[:, None]
+            prior = log_odds(chart.prior)
+            size = _blurred(np.abs(chart.log_odds - prior), _AROUND / chart.cell)
+            whole += float(replace(chart, log_odds=size, prior=0.5).log_odds_at(places[those]).sum())
+            part += float(np.abs(left_out[those] - prior).sum())
+        return whole / part if part else 1.0
 
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
@@ -140,23 +154,6 @@ class CalibratedLikelihood(Likelihood):
     def evidence(self, reading: FloatArray) -> Evidence:
         """Classify the taxels; each is a term, an Unknown one too."""
         return Evidence.of_classes(classify(reading, self.threshold, self.options.ratio), with_unknown=True)
-
-
-def steepness(
-    maps: Sequence[OccupancyMap], places: Sequence[FloatArray], left_out: Sequence[FloatArray]
-) -> float:
-    """Find how much farther from the prior's the log-odds of maps are than those of maps without a press's position.
-
-    Log-odds are sums over the presses around a place, so a press at a new place meets larger ones than a press that is
-    left out. places: (n, 2) mm, of left-out taxels, for each map. left_out: (n,) their log-odds without their position.
-    """
-    whole = part = 0.0
-    for chart, xy, odds in zip(maps, places, left_out, strict=True):
-        prior = log_odds(chart.prior)
-        size = _blurred(np.abs(chart.log_odds - prior), _AROUND / chart.cell)
-        whole += float(replace(chart, log_odds=size, prior=0.5).log_odds_at(xy).sum())
-        part += float(np.abs(odds - prior).sum())
-    return whole / part if part else 1.0
 
 
 def _blurred(values: FloatArray, width: float) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,6 +151,39 @@ def presses(train: Scan) -> NDArray[np.intp]:
     part = np.empty(len(poses), dtype=np.intp)
     part[order] = np.arange(len(poses)) - np.searchsorted(which[order], which[order]) + which[order]
     return part[press] % FOLDS
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Training readings in parts, each of which is predicted from the others.
+
+    part: (n,) from 0. known: (n, taxels) which taxels the other parts say something of, see `touched_elsewhere`.
+    """
+
+    part: NDArray[np.intp]
+    known: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, train: Scan, divide: Callable[[Scan], NDArray[np.intp]] = folds) -> LeftOut:
+        """Divide each letter's training readings by `folds` or `presses`."""
+        part = by_letter(divide, train)
+        return cls(part, touched_elsewhere(train, part))
+
+    def __iter__(self) -> Iterator[NDArray[np.bool_]]:
+        """Give for each part which readings are in it, (n,)."""
+        for number in range(int(self.part.max(initial=-1)) + 1):
+            yield self.part == number
+
+    def predicted(self, predict: Callable[[NDArray[np.bool_]], FloatArray]) -> FloatArray:
+        """Predict all readings (..., n, taxels); predict(gone) gives (..., gone, taxels) of those left out."""
+        found: FloatArray | None = None
+        for gone in self:
+            values = predict(gone)
+            if found is None:
+                found = np.empty((*values.shape[:-2], *self.known.shape))
+            found[..., gone, :] = values
+        assert found is not None
+        return found
 
 
 def touched_elsewhere(train: Scan, part: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
-from tactsim.estimators.likelihoods.folds import FOLDS, as_one, by_letter, folds, touched_elsewhere
+from tactsim.estimators.likelihoods.folds import LeftOut, as_one
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
@@ -52,18 +52,17 @@ class ForceLikelihood(Likelihood):
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
         train = scan.where("train")
-        predicted, relative, slope, scale = self.fit_mosaics(train, maps)
+        predicted, relative, slope, scale, known = self.fit_mosaics(train, maps)
         # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.
-        counted = touched_elsewhere(train, by_letter(folds, train))
-        self._calibrate(scale, relative, predicted, slope, counted)
+        self._calibrate(scale, relative, predicted, slope, known)
 
     def fit_mosaics(
         self, train: Scan, maps: Mapping[str, OccupancyMap]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
         """Learn gains and mosaics from training readings (n, taxels), and not yet how far readings deviate.
 
         Returns relative pressures as predicted without the presses at their positions, and as they are, the squared
-        slopes of the predictions, (n, taxels) each, and scales (n,).
+        slopes of the predictions, (n, taxels) each, scales (n,), and where other presses say something (n, taxels).
         """
         self.maps = maps
         self.gain = np.ones(len(train.taxel_xy))
@@ -79,8 +78,17 @@ class ForceLikelihood(Likelihood):
             pressure = scale * pressures(relative, predicted, scale > self.least)
         self._learn(train, pressure)
         self._pressure = pressure
-        predicted, slope = self._left_out(train)
-        return predicted, relative, slope, scale
+        out, xy = LeftOut.of(train), transform(train.poses, train.taxel_xy)
+
+        def predict(gone: NDArray[np.bool_]) -> FloatArray:
+            found = np.empty((2, *train.readings.shape))
+            for label, mosaic in self._mosaics_without(train, gone, tuple(self.maps)).items():
+                mine = gone & (train.labels == label)
+                found[:, mine] = mosaic(xy[mine])
+            return found[:, gone]
+
+        predicted, slope = out.predicted(predict)
+        return predicted, relative, slope, scale, out.known
 
     def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
         """Learn the mosaics from training readings under pressures (n,) kPa.
@@ -113,17 +121,6 @@ class ForceLikelihood(Likelihood):
     def _grid(self, label: str) -> Grid:
         chart = self.maps[label]
         return Grid(chart.origin, chart.cell, chart.log_odds.shape, self.options.sigma)
-
-    def _left_out(self, train: Scan) -> tuple[FloatArray, FloatArray]:
-        """Predict readings, and squared slopes, from mosaics without the presses at their positions: (n, taxels)."""
-        predicted, slope = np.empty((2, *train.readings.shape))
-        part = by_letter(folds, train)
-        for number in range(FOLDS):
-            mosaics = self._mosaics_without(train, part == number, tuple(self.maps))
-            for label, mosaic in mosaics.items():
-                mine = (part == number) & (train.labels == label)
-                predicted[mine], slope[mine] = mosaic(transform(train.poses[mine], train.taxel_xy))
-        return predicted, slope
 
     def _mosaics_without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str]

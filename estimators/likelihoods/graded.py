@@ -8,14 +8,13 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core import Scan, transform
+from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import (
     CalibratedLikelihood,
     Calibration,
     calibrate,
     quantile_edges,
-    steepness,
 )
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
@@ -53,16 +52,8 @@ class GradedLikelihood(Likelihood):
         grades, scale = self.graded(train.readings)
         self.bounds = np.quantile(scale, np.arange(1, _CLASSES) / _CLASSES)
         of_class = np.searchsorted(self.bounds, scale)
-        odds, counted = np.empty(grades.shape), np.empty(grades.shape, dtype=bool)
-        places = transform(train.poses, train.taxel_xy)
-        for label in maps:
-            mine = train.labels == label
-            odds[mine], _, known = self._classes.left_out(label, scan)
-            counted[mine] = known if known.any() else ~known
-        of_letter = [counted & (train.labels == label)[:, None] for label in maps]
-        self._classes.steeper = steepness(
-            list(maps.values()), [places[those] for those in of_letter], [odds[those] for those in of_letter]
-        )
+        odds, _, counted = self._classes.left_out(train)
+        self._classes.steeper = self._classes.steepness(train, odds, counted)
         edges = quantile_edges(odds[counted], self.options.quantiles)
         self.calibrations: list[Calibration] = []
         for number in range(_CLASSES):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import non_negative
-from tactsim.estimators.likelihoods.folds import as_one, load_levels, positions
+from tactsim.estimators.likelihoods.folds import LeftOut, as_one, load_levels
 from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.plane_kernels import Nodes, Planes, PressureModel, expand, fit_planes
@@ -38,8 +38,6 @@ _LEAST_PRESSURE = 1 / 30
 _LOOSE = 3.0
 # kPa; no pressure is 0.
 _LEAST = 1e-6
-# Training readings are left out in so many parts, by where they were taken.
-_PARTS = 5
 # Errors are learned from about so many taxels of training readings.
 _ENOUGH = 100_000
 # Steps of a search for the pose, and how much less misfit (nats) a step must bring for another one.
@@ -53,7 +51,7 @@ _LEAST_ERROR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class Foretold:
     """Cover and squared slope (n, taxels) at a letter's training readings, of mosaics learned without them.
 
     near: without any taxel that lay just like it, so that the place is known well. far: without all
@@ -120,7 +118,7 @@ class TiltedMosaics:
     def left_out(self, label: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the misfits of a letter's training readings (n,) each: near, far, and looked up elsewhere.
 
-        near and far as in `LeftOut`. Elsewhere is where another reading was taken, as far away in the list as can
+        near and far as in `Foretold`. Elsewhere is where another reading was taken, as far away in the list as can
         be.
         """
         out = self._out[label]
@@ -210,20 +208,17 @@ class TiltedMosaics:
 
     def _left_out(
         self, learned: LearnedMosaic, chart: OccupancyMap, mine: Scan, xy: FloatArray, pressure: FloatArray
-    ) -> LeftOut:
+    ) -> Foretold:
         """Look a letter's training readings up in mosaics without themselves, and without those around them."""
         cover, weight = self._cover(mine.readings, pressure)
         near = (
             learned.without(*as_one(mine, cover.ravel(), weight.ravel())).reshape(cover.shape),
             learned.mosaic(xy)[1],
         )
-        far = np.empty_like(cover), np.empty_like(cover)
-        part = positions(mine) % _PARTS
-        for number in np.unique(part):
-            out = part == number
-            rest = self._learn(chart, xy[~out], cover[~out], weight[~out])
-            far[0][out], far[1][out] = rest.mosaic(xy[out])
-        return LeftOut(mine.poses, mine.readings, near, far)
+        far_cover, far_slope = LeftOut.of(mine).predicted(
+            lambda gone: np.array(self._learn(chart, xy[~gone], cover[~gone], weight[~gone]).mosaic(xy[gone]))
+        )
+        return Foretold(mine.poses, mine.readings, near, (far_cover, far_slope))
 
     def _learn_errors(self) -> None:
         """Learn variances and priors from the training readings that were left out, near and far alike.

@@ -5,11 +5,17 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from synthetic import make_scan, model_of, paper_poses
 
-from tactsim.core import transform
-from tactsim.estimators.likelihoods.calibrated import _blurred, calibrate, quantile_edges, steepness
+from tactsim.core import Scan, transform
+from tactsim.estimators.likelihoods.calibrated import (
+    CalibratedLikelihood,
+    _blurred,
+    calibrate,
+    quantile_edges,
+)
 from tactsim.estimators.likelihoods.classifier import classify
 from tactsim.estimators.likelihoods.folds import folds, touched_elsewhere
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds
+from tactsim.estimators.options import LikelihoodOptions
 
 
 def test_calibrate_counts_by_brute_force():
@@ -43,7 +49,7 @@ def test_any_number_of_bins_is_counted_however_narrow_the_classes_are(bins):
 def test_a_taxel_is_judged_by_the_map_without_the_presses_at_its_position():
     scan = make_scan("E", poses=paper_poses(3, 4)).where("train")
     model = model_of("calibrated", scan)
-    odds, classes, known = model.left_out("E", scan)
+    odds, classes, known = model.left_out(scan)
     assert np.array_equal(classes, classify(scan.readings))
     part = folds(scan)
     assert np.array_equal(known, touched_elsewhere(scan, part))
@@ -66,8 +72,13 @@ def test_maps_are_steeper_than_those_without_a_position_by_the_presses_that_thes
     half = OccupancyMap(np.zeros(2), 0.5, np.full((40, 40), -3.0), 0.5)
     whole = replace(half, log_odds=2 * half.log_odds)
     places = np.random.default_rng(0).uniform(8, 12, (50, 2))
-    assert steepness([whole], [places], [half.log_odds_at(places)]) == pytest.approx(2, rel=1e-6)
-    assert steepness([whole], [places], [np.zeros(50)]) == 1
+    model = CalibratedLikelihood(LikelihoodOptions())
+    model.maps = {"E": whole}
+    poses, words = np.column_stack([places, np.zeros(50)]), [np.full(50, word) for word in ("E", "train")]
+    pressed = Scan(np.ones((50, 1)), poses, *words, np.zeros((1, 2)))
+    every = np.full((50, 1), True)
+    assert model.steepness(pressed, half.log_odds_at(places)[:, None], every) == pytest.approx(2, rel=1e-6)
+    assert model.steepness(pressed, np.zeros((50, 1)), every) == 1
 
 
 @pytest.mark.parametrize("shape", [(130, 90), (7, 50), (3, 2)])

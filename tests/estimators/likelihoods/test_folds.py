@@ -9,6 +9,7 @@ from synthetic import make_scan, paper_poses
 from tactsim.core import Scan, compose
 from tactsim.estimators.likelihoods.folds import (
     FOLDS,
+    LeftOut,
     as_one,
     by_letter,
     folds,
@@ -103,3 +104,19 @@ def test_points_near_another_part_are_what_all_pairs_say(seed, count, parts, nea
     away = np.hypot(x[:, None] - x, y[:, None] - y)
     expected = ((away < near) & (part[:, None] != part)).any(axis=1)
     assert np.array_equal(near_another_part(x, y, part, near), expected)
+
+
+def test_each_reading_is_predicted_once_from_the_other_parts():
+    scan = make_scan("EI", poses=paper_poses(3, 4)).where("train")
+    out = LeftOut.of(scan)
+    number = np.arange(len(scan))
+    seen = []
+
+    def predict(gone):
+        seen.append(gone)
+        return np.stack([np.tile(sign * number[gone][:, None], scan.readings.shape[1]) for sign in (1, -1)])
+
+    found = out.predicted(predict)
+    assert (np.sum(seen, axis=0) == 1).all()
+    assert (found == np.array([1, -1])[:, None, None] * number[:, None]).all()
+    assert np.array_equal(out.known, touched_elsewhere(scan, by_letter(folds, scan)))
