@@ -12,11 +12,11 @@ from tactsim.bench.cli import shared_options as shared
 
 def command(
     source: Annotated[Path, typer.Argument(metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run.")],
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: parquet, mcap or hdf5.")],
-    out: Annotated[Path, typer.Option(help="The new folder (parquet) or the file (.mcap, .h5) to write.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: parquet or hdf5.")],
+    out: Annotated[Path, typer.Option(help="The new folder (parquet) or the file (.h5) to write.")],
     licence: shared.Licence = None,
 ) -> None:
-    """Write a scan, or the trials of a run, in a format of others: Parquet, MCAP or HDF5."""
+    """Write a scan, or the trials of a run, in a format of others: Parquet or HDF5."""
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file, check_new_folder

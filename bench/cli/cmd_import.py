@@ -15,9 +15,7 @@ def command(
     context: typer.Context,
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="FILE|FOLDER", help="A folder of Parquet, or a .mcap, .h5, .npz, .mat or .csv file."
-        ),
+        typer.Argument(metavar="FILE|FOLDER", help="A folder of Parquet, or a .h5, .npz, .mat or .csv file."),
     ],
     out: Annotated[Path, typer.Option(help="The scan to write, .npz.")],
     pad: Annotated[

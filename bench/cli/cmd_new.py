@@ -1,4 +1,4 @@
-"""`bench new`: a repository of a user's own, for an estimator, a task or a source."""
+"""`bench new`: a repository of a user's own, for an estimator or a source."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import typer
 
 
 def command(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="What to make: estimator, task or source.")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="What to make: estimator or source.")],
     name: Annotated[str, typer.Argument(help="Its name: lower-case words with hyphens between them.")],
     out: Annotated[
         Path | None, typer.Option(help="A new folder. Default: one called as the repository.")
     ] = None,
 ) -> None:
-    """Make a repository of your own for an estimator, a task or a source, with its tests and its workflow."""
+    """Make a repository of your own for an estimator or a source, with its tests and its workflow."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.new.repository import make
+    from tactsim.bench.new import make
 
     folder = make(kind, name, out)
     console = plain_console()

@@ -29,7 +29,7 @@ class Format:
     """One row of `FORMATS`.
 
     line: what it is for. library: what has to be installed, by the extra `name`. module: the file of this package
-    that has `write_scan`, `read_scan` and, if `runs`, `write_run`. suffixes: of its files; none if it is a folder.
+    that has `write_scan`, `read_scan` and `write_run`. suffixes: of its files; none if it is a folder.
     """
 
     name: str
@@ -37,7 +37,6 @@ class Format:
     library: str
     module: str
     suffixes: tuple[str, ...] = ()
-    runs: bool = False
 
     def load(self) -> Any:
         """Import the file of this format. Raises InputError if its library is not installed."""
@@ -55,16 +54,17 @@ FORMATS = {
     one.name: one
     for one in (
         Format(
-            "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder", runs=True
+            "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder"
         ),
-        Format("mcap", "one file that Foxglove plays back as images", "mcap.writer", "mcap_file", (".mcap",)),
-        Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5"), runs=True),
+        Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5")),
     )
 }  # fmt: skip
 
 
 def find(name: str) -> Format:
     """Look a format up by its name. Raises InputError for an unknown one."""
+    if name == "mcap":
+        raise InputError("the format mcap is gone; take hdf5, one file with every array and its unit")
     if name not in FORMATS:
         raise unknown("format", name, FORMATS)
     return FORMATS[name]
@@ -89,17 +89,10 @@ def write(what: Scan | Run, path: str | Path, name: str) -> None:
 
     The same scan gives the same bytes with the same version of the format's library.
 
-    Raises InputError for an unknown format, one that has no room for what is given, a missing library, a folder that
+    Raises InputError for an unknown format, a missing library, a folder that
     holds something, a file of another ending and a place that cannot be written.
     """
-    from tactsim.bench.results import Run  # the metric's compiled loops come with it, which no list needs
-
     form = find(name)
-    if isinstance(what, Run) and not form.runs:
-        others = " or ".join(one.name for one in FORMATS.values() if one.runs)
-        raise InputError(
-            f"{name} takes presses, and a run keeps its estimates, not its readings; export it to {others}"
-        )
     if isinstance(what, Scan) and not len(what):
         raise InputError("the scan holds no readings, so there is nothing to export")
     if form.suffixes and Path(path).suffix.lower() not in form.suffixes:

@@ -5,7 +5,7 @@
 
     env = gymnasium.make("tactsim/letters-v1", belief="refined")
 
-Lives here: the environments of the frozen tasks, one alone and many at once, their rewards, and reference policies.
+Lives here: the environments of the frozen tasks and their rewards. Reference policies: `examples/policies`.
 Does not live here: how an object is pressed, what estimators believe, how a run is scored; nothing else imports this.
 
 Importing it registers every task of `tactsim.bench.tasks` that is pressed as `tactsim/NAME`. It needs the extra `env`.
@@ -19,11 +19,9 @@ except ModuleNotFoundError:
     ) from None
 
 from tactsim.bench import tasks
-from tactsim.env.reward import Reward
-from tactsim.env.touch_env import TouchEnv
-from tactsim.env.touch_vector_env import TouchVectorEnv
+from tactsim.env.touch_env import Reward, TouchEnv, entropy
 
-__all__ = ["Reward", "TouchEnv", "TouchVectorEnv"]
+__all__ = ["Reward", "TouchEnv", "entropy"]
 
 
 def _register() -> None:
@@ -33,7 +31,6 @@ def _register() -> None:
             gymnasium.register(
                 id=f"tactsim/{name}",
                 entry_point="tactsim.env.touch_env:TouchEnv",
-                vector_entry_point="tactsim.env.touch_vector_env:TouchVectorEnv",
                 max_episode_steps=tasks.task(name).readings,
                 kwargs={"task": name},
             )

@@ -1,4 +1,4 @@
-"""`TouchEnv`: one hidden object, touched until the policy says what it is."""
+"""`TouchEnv`: one hidden object, touched until the policy says what it is; and what that earns, `Reward`."""
 
 from __future__ import annotations
 
@@ -9,26 +9,47 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from tactsim.core import InputError, Scan
-from tactsim.core.checking import checked
+from tactsim.core.checking import Settings, checked
 from tactsim.core.errors import short
 from tactsim.core.poses import FloatArray
-from tactsim.env.hidden_objects import Hidden, touch
-from tactsim.env.reward import Reward, entropy
 from tactsim.env.touch_spaces import (
     Floats,
     action_space,
-    checked_actions,
+    checked_action,
     decoded,
     observation_space,
     say_action,
     touch_action,
     within,
 )
-from tactsim.env.world import world
+from tactsim.env.world import Hidden, world
 from tactsim.estimators import Estimator
 from tactsim.estimators.estimator import checked_estimate, no_exit
+
+
+class Reward(Settings):
+    """The weights of the reward.
+
+    A touch earns `information * (H before - H after) - touch_cost`, H = -sum p log p being the entropy (nats) of the
+    belief over the labels. An action that stops earns `right` if its label is the right one, else `-wrong`.
+
+    The information is that of the belief, not of the truth: from its rewards a policy learns of the object only what
+    it observes. Over an episode the information adds up to H(start) - H(end), whatever the order of the touches.
+    """
+
+    right: float = Field(1.0, ge=0, description="earned by the right label")
+    wrong: float = Field(1.0, ge=0, description="lost by a wrong one")
+    touch_cost: float = Field(0.02, ge=0, description="lost by each touch")
+    information: float = Field(0.0, ge=0, description="earned for each nat; needs a belief")
+
+
+def entropy(probabilities: FloatArray) -> FloatArray:
+    """Compute the entropy (nats) of probabilities (..., labels)."""
+    p = np.asarray(probabilities, dtype=float)
+    return -np.where(p > 0, p * np.log(np.where(p > 0, p, 1.0)), 0.0).sum(axis=-1)
 
 
 class TouchEnv(gymnasium.Env):
@@ -94,8 +115,6 @@ class TouchEnv(gymnasium.Env):
         self.action_space = action_space(self.labels)
         self.observation_space = observation_space(self.world, belief=belief is not None)
         self.hidden: Hidden | None = None
-        # What the next touch reads, and whether it comes to rest, if it was pressed together with others' touches.
-        self.pressed: tuple[FloatArray, np.bool_] | None = None
         self._seen: dict[str, Any] = {}
         self._entropy = 0.0
         self._running = self._closed = False
@@ -108,7 +127,7 @@ class TouchEnv(gymnasium.Env):
         self._check_open()
         # The estimator's seed is drawn with and without one, so that the object and its readings are the same.
         own = np.random.default_rng(self.np_random.integers(2**63))
-        self.hidden, self.pressed, self._running = Hidden(self.world, self.np_random), None, True
+        self.hidden, self._running = Hidden(self.world, self.np_random), True
         self._seen = {
             name: np.zeros(space.shape or (), dtype=space.dtype)[()]
             for name, space in self.observation_space.items()
@@ -125,10 +144,11 @@ class TouchEnv(gymnasium.Env):
         Raises InputError, and touches nothing, for an action outside of the space, ResetNeeded if no episode is
         running, ClosedEnvironmentError if the environment was closed.
         """
-        hidden = self.running()
-        (pose,), (stops,), (said,) = decoded(
-            checked_actions([action], 1, self.labels, self.reach), self.reach
-        )
+        self._check_open()
+        hidden = self.hidden
+        if hidden is None or not self._running:
+            raise ResetNeeded("no episode is running; call reset")
+        pose, stops, said = decoded(checked_action(action, self.labels, self.reach), self.reach)
         if not stops:
             reward = self._touch(hidden, pose)
             return self._observation(), reward, False, False, {}
@@ -137,25 +157,11 @@ class TouchEnv(gymnasium.Env):
         truth = {"answer": self.answer, "robot_in_object": hidden.robot_in_object.copy()}
         return self._observation(), reward, True, False, truth
 
-    def running(self) -> Hidden:
-        """Give the object of the episode. Raises ResetNeeded if none is running, ClosedEnvironmentError if closed."""
-        self._check_open()
-        if self.hidden is None or not self._running:
-            raise ResetNeeded("no episode is running; call reset")
-        return self.hidden
-
-    def observed(self, pose: ArrayLike) -> Floats:
-        """Give a touch's pose (..., 3) as it is observed, in single precision: exactly there it is pressed."""
-        return within(self.observation_space, "pose", pose)
-
     def _touch(self, hidden: Hidden, asked: FloatArray) -> float:
         """Touch at a pose (3,), and return what that earns."""
         # Estimators are given what is observed, in single precision, as one outside the environment would be.
-        pose = self.observed(asked)
-        if self.pressed is None:
-            (reading,), (rests,) = touch(self.world, [hidden], pose[None].astype(float))
-        else:
-            (reading, rests), self.pressed = self.pressed, None
+        pose = within(self.observation_space, "pose", asked)
+        reading, rests = hidden.touch(pose.astype(float))
         reading = within(self.observation_space, "reading", reading)
         self._seen |= {"pose": pose, "reading": reading, "felt": np.int64(rests)}
         before = self._entropy

@@ -58,8 +58,8 @@ def say_action(label: str, labels: Sequence[str]) -> Floats:
     return action
 
 
-def checked_actions(actions: Any, count: int, labels: Sequence[str], reach: float) -> FloatArray:
-    """Return actions as an array (count, 4 + labels).
+def checked_action(action: Any, labels: Sequence[str], reach: float) -> FloatArray:
+    """Return an action as an array (4 + labels,).
 
     Raises InputError, which is a ValueError, for another shape, a NaN, and a number beyond [-1, 1], which for a touch
     is one beyond the pad's reach.
@@ -67,18 +67,18 @@ def checked_actions(actions: Any, count: int, labels: Sequence[str], reach: floa
     width = _STOP + 1 + len(labels)
     right = f"an action is an array ({width},) of numbers: x, y, theta, stop and {len(labels)} scores"
     try:
-        asked = np.array(actions, dtype=float)
+        asked = np.array(action, dtype=float)
     except (TypeError, ValueError):
-        raise InputError(f"{right}; got {type(actions).__name__} of something else") from None
-    if asked.shape != (count, width):
-        raise InputError(f"{right}; got shape {asked.shape} for {count} environments")
+        raise InputError(f"{right}; got {type(action).__name__} of something else") from None
+    if asked.shape != (width,):
+        raise InputError(f"{right}; got shape {asked.shape}")
     if not np.isfinite(asked).all():
         raise InputError("an action's numbers are finite; got NaN or infinity")
     if (np.abs(asked) > 1).any():
-        row, column = np.argwhere(np.abs(asked) > 1)[0].tolist()
-        said = _beyond(column, asked[row, column], labels, reach)
+        column = int((np.abs(asked) > 1).argmax())
+        said = _beyond(column, asked[column], labels, reach)
         raise InputError(
-            f"action[{column}] is {asked[row, column]:.6g}: {said}; an action's numbers lie in [-1, 1], and "
+            f"action[{column}] is {asked[column]:.6g}: {said}; an action's numbers lie in [-1, 1], and "
             "gymnasium.wrappers.ClipAction cuts them"
         )
     return asked
@@ -94,9 +94,9 @@ def _beyond(column: int, value: float, labels: Sequence[str], reach: float) -> s
     )
 
 
-def decoded(asked: FloatArray, reach: float) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.intp]]:
-    """Read actions (n, 4 + labels): sensor_in_robot (n, 3), which stop (n,), the index of the label each says (n,)."""
-    return asked[:, :3] * scale(reach), asked[:, _STOP] > 0, asked[:, _STOP + 1 :].argmax(axis=1)
+def decoded(asked: FloatArray, reach: float) -> tuple[FloatArray, bool, int]:
+    """Read an action (4 + labels,): sensor_in_robot (3,), whether it stops, and the index of the label it says."""
+    return asked[:3] * scale(reach), bool(asked[_STOP] > 0), int(asked[_STOP + 1 :].argmax())
 
 
 def observation_space(world: World, *, belief: bool) -> gymnasium.spaces.Dict:

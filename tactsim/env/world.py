@@ -1,20 +1,20 @@
-"""`World`: what an environment presses, and what there is to learn from before anything is touched."""
+"""`World`: what an environment presses and what there is to learn from; `Hidden`: an object hidden for an episode."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.bench.config import RunConfig, Slip, merged
 from tactsim.bench.experiment import gather, silent
 from tactsim.bench.tasks import Task, task
-from tactsim.bench.trials import fit
-from tactsim.core import InputError, Scan
+from tactsim.bench.trials import draw_true_pose, fit
+from tactsim.core import InputError, Scan, compose
 from tactsim.core.checking import checked
 from tactsim.core.errors import short
 from tactsim.core.pad import offsets
@@ -24,8 +24,7 @@ from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import stage_for
 from tactsim.press.scanning import as_pressed, letters_of
-from tactsim.press.sensor import gains
-from tactsim.press.spread import Patches, contact_map
+from tactsim.press.sensor import Chance, answered, gains, reported, textured
 from tactsim.press.touches import Touches
 
 NORMALS = 6  # normal numbers that a press needs: by how far it misses its place, tilt and load
@@ -80,6 +79,7 @@ class World:
         self.reach = max(stage_for(pad, one).reach for one in self.letters)
         self.offsets = offsets(pad.taxel_xy)
         self.model = PressModel(self.letters, _unbent(self.options)) if fast else None
+        self._fitted: dict[tuple[str, str], Estimator] = {}
 
     @cached_property
     def scan(self) -> Scan:
@@ -92,46 +92,30 @@ class World:
         return name if name in self.labels else NONE
 
     def fitted(self, estimator: str, options: Mapping[str, Any]) -> Estimator:
-        """Make an estimator and fit it to the training readings. Raises InputError as `create` and `fit` do."""
-        made = create(estimator, **options)
-        fit(made, self.scan, forward_model)
-        return made
+        """Make an estimator that was fitted to the training readings, once for all environments of this world.
 
-    def press(
-        self, letters: Sequence[int], poses: FloatArray, normals: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Press objects, all of one letter at once: (n, taxels) kPa without imperfections, and which came to rest.
-
-        letters: (n,) index of each press's letter. poses: (n, 3) sensor_in_object as stated. normals: (n, NORMALS),
-        which decide how far a press is off. What a press reads does not depend, to the last bit, on the others.
+        Raises InputError as `create` and `fit` do.
         """
-        chosen = np.asarray(letters)
-        ideal = np.zeros((len(chosen), self.options.pad.taxels))
-        rests = np.ones(len(chosen), dtype=bool)
-        for index in np.unique(chosen):
-            rows = np.flatnonzero(chosen == index)
-            touches = as_pressed(
-                self.letters[index], poses[rows], "test", self.options, partial(_drawn, normals[rows])
-            )  # fmt: skip
-            ideal[rows], rests[rows] = self._pressed(touches)
-        return ideal, rests
+        key = estimator, repr(sorted(options.items()))
+        if key not in self._fitted:
+            made = create(estimator, **options)
+            fit(made, self.scan, forward_model)
+            self._fitted[key] = made
+        return copy.deepcopy(self._fitted[key])
 
-    def _pressed(self, touches: Touches) -> tuple[FloatArray, NDArray[np.bool_] | bool]:
+    def press(self, letter: int, pose: FloatArray, normals: FloatArray) -> tuple[FloatArray, bool]:
+        """Press an object: (taxels,) kPa without imperfections, and whether the press came to rest.
+
+        letter: its index. pose: (3,) sensor_in_object as stated. normals: (NORMALS,), which decide how far off it is.
+        """
+        touches = as_pressed(
+            self.letters[letter], pose[None], "test", self.options, partial(_drawn, normals[None])
+        )
         if self.model is not None:
-            return _by_model(self.model, touches, self.options.press.tilt_x, self.options.press.tilt_y), True
-        options = self.options
-        pressed = press_at(touches, options)
-        rests = ~np.isin(np.arange(len(touches)), list(pressed.blanks))
-        if len(touches) == 1:
-            return pressed.readings(options), rests
-        load = pressed.load
-        if not isinstance(load, Patches):
-            each = [self._pressed(touches.some(slice(row, row + 1)))[0] for row in range(len(touches))]
-            return np.concatenate(each), rests
-        cells, sigma = options.press.cells_per_taxel, options.sensor.psf_sigma
-        return contact_map(
-            load.bed, load.pressure, load.gradient, options.pad, cells, sigma, alone=True
-        ), rests
+            press = self.options.press
+            return _by_model(self.model, touches, press.tilt_x, press.tilt_y)[0], True
+        pressed = press_at(touches, self.options)
+        return pressed.readings(self.options)[0], not pressed.blanks
 
 
 def _unbent(options: Any) -> Any:
@@ -161,3 +145,60 @@ def world(name: str, scan_seed: int | None, slip: Mapping[str, Any], fast: bool)
     changed = merged(asked.configs("nearest")[0].moving.model_dump(), slip)
     seed = asked.seeds[0] if scan_seed is None else scan_seed
     return _world(name, seed, checked(Slip, changed, "slip"), fast)
+
+
+@dataclass(eq=False)
+class Hidden:
+    """One hidden object and its luck.
+
+    world: what is pressed. rng: of the episode. As many numbers are drawn for each touch whatever is touched, so a
+    policy cannot change its luck, and two policies that are given the same seed meet the same object and the same
+    errors, touch by touch. letter: index of the letter. path: (n, 3) robot_in_object at each touch so far foreseen.
+    touches, readings: how many there were. felt: (1, taxels) what the pad felt last, which a pad with lag remembers.
+    """
+
+    world: World
+    rng: np.random.Generator
+    letter: int = field(init=False)
+    path: FloatArray = field(init=False)
+    touches: int = 0
+    readings: int = 0
+    felt: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        self.letter = int(self.rng.integers(len(self.world.letters)))
+        self.path = self._course(draw_true_pose(self.rng, self.world.offsets), self.world.task.readings)
+
+    def _course(self, first: FloatArray, touches: int) -> FloatArray:
+        return self.world.slip.poses(first, touches, self.rng)
+
+    @property
+    def robot_in_object(self) -> FloatArray:
+        """Say where the object is at the next touch, T_R^O (3,)."""
+        return self.path[self.touches]
+
+    def touch(self, sensor_in_robot: FloatArray) -> tuple[FloatArray, bool]:
+        """Touch at sensor_in_robot (3,), after which the object moves on: what the pad reports, and whether it rested.
+
+        Returns (taxels,) kPa, 0 where the press did not come to rest.
+        """
+        world, sensor = self.world, self.world.options.sensor
+        normals = self.rng.standard_normal(NORMALS)
+        chance = Chance.draw((1, world.options.pad.taxels), self.rng)
+        pose = compose(self.robot_in_object, sensor_in_robot)
+        ideal, rests = world.press(self.letter, pose, normals)
+        felt = answered(ideal[None], sensor, textured(world.gain, sensor, 1, self.rng))
+        if rests:
+            if sensor.lag and self.felt is not None:
+                felt += sensor.lag * (self.felt - felt)
+            self.felt, self.readings = felt.copy(), self.readings + 1
+        self._go_on()
+        (reading,) = reported(felt, np.array([self.readings]), sensor, chance, world.options.pad.rows)
+        return reading if rests else np.zeros_like(reading), rests
+
+    def _go_on(self) -> None:
+        """Move the object on to the next touch. A trial's course is drawn at once; who touches longer gets another."""
+        self.touches += 1
+        if self.touches == len(self.path):
+            more = self._course(self.path[-1], self.world.task.readings + 1)
+            self.path = np.concatenate([self.path, more[1:]])

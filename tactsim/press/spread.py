@@ -128,15 +128,12 @@ def contact_map(
     pad: Pad,
     cells_per_taxel: int,
     sigma: float,
-    *,
-    alone: bool = False,
 ) -> FloatArray:
     """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 
     bed: laid on `cell_lines`. pressure: (contacts,) N/mm^2 at the centres of the contacts' cells.
     gradient: (contacts, 2) N/mm^3 along x and y, or None where the pressure is even over each covered part.
-    sigma: mm, standard deviation of the point spread. alone: whether each press is summed by itself, which takes
-    longer: then its last bits do not depend on which others are pressed with it.
+    sigma: mm, standard deviation of the point spread.
 
     A taxel's response to a unit force is a smooth function of where in the cell the force is; its best
     quadratic there (least squares) replaces it. The integral over the covered part then needs only the
@@ -146,7 +143,7 @@ def contact_map(
     columns, rows, presses = len(felt.half_x), len(felt.half_y), len(bed.start) - 1
     y, x = np.divmod(bed.cell, columns)
     loads = _loads(bed.moments, pressure, gradient, felt.half_x[x], felt.half_y[y])
-    block = 1 if alone else max(1, _BLOCK // (columns * rows))
+    block = max(1, _BLOCK // (columns * rows))
     result = np.empty((presses, pad.rows, pad.columns))
     for first in range(0, presses, block):
         count = min(block, presses - first)

@@ -12,7 +12,7 @@ import yaml
 from command_line import refused
 
 from tactsim.bench.cli.app import VERBS, load
-from tactsim.bench.new.repository import FILES, KINDS, contents, make
+from tactsim.bench.new import FILES, KINDS, contents, make
 from tactsim.core import InputError
 
 PYTHON = Path(sys.executable).parent
@@ -36,8 +36,6 @@ def made(request, tmp_path_factory):
     kind, site = request.param, tmp_path_factory.mktemp("site")
     folder = make(kind, f"my-{kind}", tmp_path_factory.mktemp("made") / kind)
     # Built from a copy, since setuptools writes beside what it builds.
-    if kind == "task":
-        return kind, folder, site  # a file, and no package
     copy = tmp_path_factory.mktemp("copy") / kind
     shutil.copytree(folder, copy)
     pip = ["pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target"]
@@ -92,8 +90,6 @@ def test_an_estimator_runs_by_its_name(installed, here, scan_file):
 @pytest.mark.long
 def test_it_stands_in_the_lists(installed, here):
     kind = installed
-    if kind == "task":
-        return  # it stands in no list: it is given as a file
     words = {"estimator": ["list", "estimators"], "source": ["devices"]}[kind]
     (line,) = [line for line in here(*words).stdout.splitlines() if f"my-{kind} " in line]
     assert f"from my-{kind}" in line
@@ -130,9 +126,7 @@ def test_the_dependencies_are_named_with_what_this_project_asks_for():
         tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     )
     for kind in KINDS:
-        theirs = tomllib.loads(contents(kind, "my-own")["pyproject.toml"]).get(
-            "project", {"dependencies": []}
-        )
+        theirs = tomllib.loads(contents(kind, "my-own")["pyproject.toml"])["project"]
         assert {one for one in theirs["dependencies"] if not one.startswith("tactsim")} <= ours
 
 
@@ -141,7 +135,7 @@ def test_the_dependencies_are_named_with_what_this_project_asks_for():
     [
         ("estimater", "x", "did you mean 'estimator'"),
         ("estimator", "nearest", "there is one of that name already"),
-        ("task", "own-v2", "leave out the version"),
+        ("task", "own", "a task is one TOML file"),
         ("estimator", "numpy", "a Python package numpy is installed already"),
         ("estimator", "class", "a word of Python"),
     ],

@@ -119,7 +119,7 @@ def test_two_truths_that_feel_alike_cannot_be_told_apart(monkeypatch):
         env.reset(seed=11)
         hidden = env.hidden
         hidden.letter, hidden.path = letter, np.tile(pose, (20, 1))
-        monkeypatch.setattr(env.world, "press", lambda *_: (felt[[hidden.touches]].copy(), np.array([True])))
+        monkeypatch.setattr(env.world, "press", lambda *_: (felt[hidden.touches].copy(), True))
         return [env.step(env.touch(pose)) for pose in POSES]
 
     for one, other in zip(lived(0, [1.0, 2.0, 3.0]), lived(3, [-4.0, 0.0, 0.5]), strict=True):
@@ -130,7 +130,7 @@ def test_two_truths_that_feel_alike_cannot_be_told_apart(monkeypatch):
 def test_a_press_that_does_not_come_to_rest_costs_its_touch_and_tells_nothing(monkeypatch):
     env = make(belief="histogram", information=1.0, touch_cost=0.25)
     (_, before), _ = episode(env, 1, POSES[:1])
-    monkeypatch.setattr(env.world, "press", lambda *_: (np.zeros((1, 36)), np.array([False])))
+    monkeypatch.setattr(env.world, "press", lambda *_: (np.zeros(36), False))
     observation, reward, *_ = env.step(env.touch(POSES[1]))
     assert (observation["felt"], before["felt"], reward) == (0, 1, -0.25)
     assert not observation["reading"].any()
@@ -147,17 +147,17 @@ def test_a_worn_pad_reads_what_its_sensor_makes_of_the_touches_so_far(monkeypatc
     ideal = np.random.default_rng(0).uniform(0, 40, (5, 36))
     pressed, rng, before = [], copy.deepcopy(hidden.rng), None
 
-    def press(letters, poses, normals):
-        pressed.append((letters, poses, normals))
-        return ideal[[hidden.touches]].copy(), np.array([True])
+    def press(letter, pose, normals):
+        pressed.append((letter, pose, normals))
+        return ideal[hidden.touches].copy(), True
 
     monkeypatch.setattr(world, "press", press)
     for k in range(5):
         observation, *_ = env.step(env.touch(POSES[1]))
-        ((letters, (pose,), normals),) = pressed[k : k + 1]
-        assert letters == [hidden.letter]
+        letter, pose, normals = pressed[k]
+        assert letter == hidden.letter
         assert pose == pytest.approx(compose(hidden.path[k], POSES[1]), abs=1e-6)
-        assert np.array_equal(normals, rng.standard_normal((1, 6)))
+        assert np.array_equal(normals, rng.standard_normal(6))
         noise, replaced, level = rng.standard_normal(36), rng.random(36), rng.random(36)
         before = world.gain * ideal[k] if before is None else 0.8 * world.gain * ideal[k] + 0.2 * before
         right = before + 0.01 * (k + 1) + 3.0 * noise
@@ -212,11 +212,11 @@ def test_the_actions_that_are_made_are_in_the_space_and_say_what_was_asked(pose,
     touch, say = touch_action(pose, labels, 12.0), say_action(label, labels)
     assert touch in space
     assert say in space
-    (read,), (stops,), _ = tactsim.env.touch_spaces.decoded(touch[None].astype(float), 12.0)
+    read, stops, _ = tactsim.env.touch_spaces.decoded(touch.astype(float), 12.0)
     assert not stops
     assert read[:2] == pytest.approx(pose[:2], abs=1e-5)
     assert np.cos(read[2] - pose[2]) == pytest.approx(1)
-    _, (stops,), (said,) = tactsim.env.touch_spaces.decoded(say[None].astype(float), 12.0)
+    _, stops, said = tactsim.env.touch_spaces.decoded(say.astype(float), 12.0)
     assert stops
     assert labels[said] == label
 
@@ -253,3 +253,17 @@ def test_a_wrong_option_is_refused_in_one_line(options, said):
     with pytest.raises(InputError, match=said) as caught:
         make(**options)
     assert "\n" not in str(caught.value)
+
+
+def test_many_at_once_are_these_environments_one_by_one():
+    options = {"belief": "histogram", "fast": True}
+    together = gymnasium.make_vec(LETTERS, num_envs=3, **options)
+    seen, _ = together.reset(seed=5)
+    apart = [make(**options) for _ in range(3)]
+    alone = [env.reset(seed=5 + k)[0] for k, env in enumerate(apart)]
+    action = apart[0].touch(POSES[1])
+    for _ in range(2):
+        for k, one in enumerate(alone):
+            assert same(one, {name: values[k] for name, values in seen.items()})
+        seen, *_ = together.step(np.tile(action, (3, 1)))
+        alone = [env.step(action)[0] for env in apart]

@@ -19,10 +19,18 @@ def letters():
     return world("letters-offgrid-v1", None, {}, False)
 
 
+def pressed(world, letter, poses, normals):
+    """Press one object at poses (n, 3), all of which come to rest: (n, taxels)."""
+    readings, rests = zip(
+        *(world.press(letter, *one) for one in zip(poses, normals, strict=True)), strict=True
+    )
+    assert all(rests)
+    return np.array(readings)
+
+
 def test_without_errors_it_is_the_ideal_press(letters):
     poses = random_poses(np.random.default_rng(0), 7)
-    ideal, rests = letters.press([2] * 7, poses, np.zeros((7, NORMALS)))
-    assert rests.all()
+    ideal = pressed(letters, 2, poses, np.zeros((7, NORMALS)))
     right, _ = ideal_readings(Touches.of(letters.letters[2], poses), letters.options)
     assert ideal == pytest.approx(right, abs=1e-9)
 
@@ -30,23 +38,10 @@ def test_without_errors_it_is_the_ideal_press(letters):
 def test_the_numbers_that_were_drawn_say_how_far_a_press_is_off(letters):
     rng = np.random.default_rng(1)
     poses, normals = random_poses(rng, 5), rng.standard_normal((5, NORMALS))
-    ideal, _ = letters.press([0] * 5, poses, normals)
+    ideal = pressed(letters, 0, poses, normals)
     off = compose(poses, normals[:, :3] * [0.1, 0.1, 0.005])
     touches = Touches(letters.letters[0], off, 0.0044 * normals[:, 3:5])
     assert ideal == pytest.approx(press_at(touches, letters.options).readings(letters.options), abs=1e-9)
-
-
-@pytest.mark.parametrize("fast", [False, True])
-@pytest.mark.parametrize("name", ["letters-offgrid-v1", "tilted-v1"])
-def test_what_a_press_reads_does_not_depend_on_the_others_to_the_last_bit(name, fast):
-    pressed = world(name, None, {}, fast)
-    rng = np.random.default_rng(2)
-    which = rng.integers(5, size=40)
-    poses, normals = random_poses(rng, 40), rng.standard_normal((40, NORMALS))
-    together, _ = pressed.press(which, poses, normals)
-    for k in range(40):
-        alone, _ = pressed.press(which[[k]], poses[[k]], normals[[k]])
-        assert np.array_equal(alone[0], together[k]), k
 
 
 def test_the_forward_model_presses_with_the_same_errors_and_loads(tmp_path):
@@ -55,8 +50,7 @@ def test_the_forward_model_presses_with_the_same_errors_and_loads(tmp_path):
     rng = np.random.default_rng(3)
     poses, normals = random_poses(rng, 20), rng.standard_normal((20, NORMALS))
     own, fast = (
-        World(tasks.task(str(path)), 0, STILL, fast).press([1] * 20, poses, normals)[0]
-        for fast in (False, True)
+        pressed(World(tasks.task(str(path)), 0, STILL, fast), 1, poses, normals) for fast in (False, True)
     )
     assert fast == pytest.approx(own, abs=0.25, rel=0.005)  # kPa; the press has cells, the model has none
     assert own.max() > 40

@@ -7,7 +7,7 @@ from plugging import install_plug_in
 from synthetic import CHEAPER, quick_first
 
 from tactsim import estimators
-from tactsim.bench.new.repository import contents
+from tactsim.bench.new import contents
 from tactsim.estimators.contract import CHECKS, Case
 
 SPACE = ("space-refined",)  # it has a contract of its own: tests/solids

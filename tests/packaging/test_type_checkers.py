@@ -18,7 +18,7 @@ import numpy as np
 from tactsim.core import Scan
 from tactsim.models import letter
 from tactsim.estimators import Estimator
-import tactsim.bench.runner, tactsim.hardware.sources
+import tactsim.bench.experiment, tactsim.hardware.sources
 
 name: int = letter("A").name
 Scan.load(3.5)

@@ -13,11 +13,10 @@ from scipy.special import erf
 
 from tactsim import models
 from tactsim.core import Pad
-from tactsim.press import ScanOptions, SensorOptions
+from tactsim.press import SensorOptions
 from tactsim.press.bed import Level, lay_bed
 from tactsim.press.clip import MOMENTS, cell_moments, edges_of
-from tactsim.press.engine import ideal_readings, press_at
-from tactsim.press.scan_poses import grid_poses
+from tactsim.press.engine import ideal_readings
 from tactsim.press.spread import cell_lines, contact_map
 from tactsim.press.touches import Touches
 
@@ -129,22 +128,3 @@ def test_a_pitch_far_above_the_point_spread_is_read_right(pitch, sigma):
         exact, area = expected_reading(letter.footprint, pose, pad, 2.0, sigma)
         assert area > 1
         assert np.abs(reading - exact).max() < 2e-3 * exact.max()
-
-
-def test_a_press_alone_in_its_batch_and_one_among_many_are_the_same_to_the_last_bit():
-    touches = Touches.of(models.letter("A"), grid_poses()[::24])
-    options = ScanOptions()
-    pressed = press_at(touches, options)
-    load, sensor = pressed.load, options.sensor
-
-    def mapped_alone(load):
-        cells = options.press.cells_per_taxel
-        return contact_map(
-            load.bed, load.pressure, load.gradient, options.pad, cells, sensor.psf_sigma, alone=True
-        )
-
-    many = mapped_alone(load)
-    for row in range(len(touches)):
-        one = press_at(touches.some(slice(row, row + 1)), options)
-        assert np.array_equal(many[row], one.readings(options)[0]), row
-    assert np.allclose(many, pressed.readings(options), rtol=1e-12, atol=1e-12)

@@ -46,7 +46,7 @@ def test_the_same_scan_gives_the_same_bytes(name, frames, tmp_path, rng):
 
 @pytest.mark.parametrize("name", formats.FORMATS)
 def test_a_failure_leaves_nothing_behind(name, tmp_path, rng, monkeypatch):
-    broken = {"parquet": "document_of", "mcap": "_drawing", "hdf5": "_add"}[name]
+    broken = {"parquet": "document_of", "hdf5": "_add"}[name]
     monkeypatch.setattr(formats.FORMATS[name].load(), broken, lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         formats.write(make_scan(rng), place(tmp_path, name), name)
@@ -79,9 +79,9 @@ def test_a_folder_that_holds_something_is_refused(tmp_path, here, rng):
     ("words", "says"),
     [
         (["--to", "parqet", "--out", "x"], "did you mean 'parquet'"),
-        (["--to", "mcap", "--out", "x.bag"], "ends in .mcap"),
+        (["--to", "hdf5", "--out", "x.bag"], "ends in .h5 or .hdf5"),
         (["--to", "parquet", "--out", "scan.npz"], "that is a file"),
-        (["--to", "mcap", "--out", "x.mcap", "--licence", "bogus"], "licence 'bogus' is no SPDX name"),
+        (["--to", "hdf5", "--out", "x.h5", "--licence", "bogus"], "licence 'bogus' is no SPDX name"),
     ],
 )
 def test_a_mistake_is_one_line(words, says, tmp_path, here, rng):

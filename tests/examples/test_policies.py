@@ -1,14 +1,18 @@
 """The reference policies: what they choose, what the learned one learns, and how they are compared."""
 
+import sys
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
 
-import tactsim.env
-from tactsim.env.learned_policy import LearnedPolicy, features
-from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
-from tactsim.env.policy_table import play
-from tactsim.env.reward import Reward
+import tactsim
+from tactsim.env import Reward
+
+sys.path.insert(0, str(Path(tactsim.__file__).parents[1] / "examples" / "policies"))
+from policies import InformationPolicy, LearnedPolicy, Policy, RandomPolicy, features
+from table import compare, play
 
 TASK = "letters-offgrid-v1"
 
@@ -78,12 +82,12 @@ def test_what_is_learned_is_to_touch_the_object():
 
 def test_episodes_are_played_as_the_environment_would_have_it():
     """The touches until it is sure, and the return, are those of an episode that is ended there by its label."""
-    played = play(Middle("middle", "histogram"), TASK, (0,), 3, 4)
+    played = play(Middle("histogram"), TASK, (0,), 3, 4)
     assert played.right.shape == played.sure.shape == (3, 4)
     sums, stops = [], []
     env = gymnasium.make(f"tactsim/{TASK}", belief="histogram").unwrapped
     for k in range(3):
-        policy, total, touches, sure = begun(Middle("middle", "histogram")), 0.0, 0, 0.0
+        policy, total, touches, sure = begun(Middle("histogram")), 0.0, 0, 0.0
         observation, _ = env.reset(seed=k)
         while touches < 4 and sure < 0.95:
             observation, reward, *_ = env.step(env.touch(policy.choose(env, observation)))
@@ -94,3 +98,10 @@ def test_episodes_are_played_as_the_environment_would_have_it():
         sums.append(total + reward)
     assert played.stopped.tolist() == stops
     assert played.returns(Reward()) == pytest.approx(sums)
+
+
+def test_a_policy_of_ones_own_stands_in_the_table_by_its_name(capsys):
+    compare([RandomPolicy("histogram"), Middle("histogram")], TASK, episodes=2, touches=2)
+    heads, _, *rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines()]
+    assert len({len(row) for row in (heads, *rows)}) == 1
+    assert [row[:2] for row in rows] == [["| random", "histogram"], ["| Middle", "histogram"]]

@@ -1,35 +1,38 @@
-"""Compare the reference policies on a task and print a table: `python -m tactsim.env.policy_table`."""
+"""Compare policies on a task and print a table: `python examples/policies/table.py`.
+
+A policy of one's own enters it so:
+
+    from table import Policy, REFERENCES, compare
+
+    class Middle(Policy):
+        def choose(self, env, observation):
+            return [0, 0, self.rng.uniform(-3, 3)]
+
+    compare([*REFERENCES, Middle()])
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from time import process_time
-from typing import Annotated
 
 import gymnasium
 import numpy as np
-import typer
 from numpy.typing import NDArray
+from policies import InformationPolicy, LearnedPolicy, Policy, RandomPolicy
 
 from tactsim.bench.runs.pooled import Figure, mean, share
 from tactsim.bench.tasks import task as read_task
-from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.env.learned_policy import LearnedPolicy
-from tactsim.env.policies import InformationPolicy, Policy, RandomPolicy
-from tactsim.env.reward import Reward
-from tactsim.env.touch_env import TouchEnv
+from tactsim.env import Reward, TouchEnv
 
 SURE = 0.95  # a policy stops as soon as a label is believed to be this probable
-POLICIES: dict[str, Callable[[], Policy]] = {
-    "random": lambda: RandomPolicy("refined"),
-    "random-force": lambda: RandomPolicy("force-mosaic"),
-    "information": lambda: InformationPolicy("refined"),
-    "information-force": lambda: InformationPolicy("force-mosaic"),
-    "learned": lambda: LearnedPolicy("refined"),
-}
+REFERENCES = (
+    RandomPolicy(), RandomPolicy("force-mosaic"), InformationPolicy(), InformationPolicy("force-mosaic"),
+    LearnedPolicy(),
+)  # fmt: skip
 _SHOWN = (1, 2, 3, 5, 10)  # touches after which a table says how many are right
 
 
@@ -117,28 +120,22 @@ def _cell(figure: Figure, digits: int) -> str:
     return f"{figure.value:.{digits}f} ({figure.low:.{digits}f}-{figure.high:.{digits}f})"
 
 
-def main(
-    task: Annotated[str, typer.Option(help="A task, as `bench tasks` lists them.")] = "letters-offgrid-v1",
-    policy: Annotated[list[str] | None, typer.Option(help="Repeat for several. Default: all.")] = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes for each of the task's scan seeds.")] = 40,
-    touches: Annotated[int, typer.Option(min=1, help="Touches an episode.")] = 10,
+def compare(
+    policies: Sequence[Policy] = REFERENCES,
+    task: str = "letters-offgrid-v1",
+    episodes: int = 40,
+    touches: int = 10,
 ) -> None:
-    """Compare the reference policies on a task: a Markdown table on standard output, progress on standard error."""
-    import tactsim.env  # noqa: F401 - registers the tasks
+    """Play each policy in so many episodes for each of the task's scan seeds, and print a Markdown table.
 
-    try:
-        strange = [name for name in policy or () if name not in POLICIES]
-        if strange:
-            raise InputError(f"unknown policy {strange[0]!r}: known are {', '.join(POLICIES)}")
-        played = []
-        for name in policy or POLICIES:
-            print(f"{name} ...", file=sys.stderr)
-            played.append(play(POLICIES[name](), task, read_task(task).seeds, episodes, touches))
-    except InputError as error:
-        print(error, file=sys.stderr)
-        raise typer.Exit(2) from None
+    Raises InputError as `play` does.
+    """
+    played = []
+    for policy in policies:
+        print(f"{policy.name}, {policy.belief} ...", file=sys.stderr)
+        played.append(play(policy, task, read_task(task).seeds, episodes, touches))
     print("\n".join(table(played)))
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    compare()

@@ -1,12 +1,8 @@
-"""`LearnedPolicy`: a regression learns how much a touch tells of the label; the touch that should tell most is made.
-
-It is fitted Q iteration with a discount of 0 (Ernst, Geurts and Wehenkel 2005): the value of a touch is the
-information of this one touch, which is greedy. It looks at the belief and at where it touched before, and at nothing
-of the pad: no measurement model is known to it, unlike to the policy of expected information.
-"""
+"""Reference policies: touch at random, where an estimator expects to learn most, or where trees expect it."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import gymnasium
@@ -14,22 +10,76 @@ import numpy as np
 
 from tactsim.core import InputError, compose, invert, wrap_angle
 from tactsim.core.poses import FloatArray
-from tactsim.env.policies import CANDIDATES, Policy
-from tactsim.env.reward import entropy
-from tactsim.env.touch_env import TouchEnv
+from tactsim.env import TouchEnv, entropy
 from tactsim.press.scan_poses import random_poses
 
+CANDIDATES = 64  # poses that a policy chooses one touch from
 ROUNDS = 3  # of collecting touches: the first at random, the others half of them as learned so far
 EPISODES = 250  # a round
 TOUCHES = 6  # an episode
 _FAR = 100.0  # mm: how far the last touch is, if there was none
 
 
-class LearnedPolicy(Policy):
-    """Touch where gradient-boosted trees predict the largest gain of information; needs the extra `learned`."""
+class Policy(ABC):
+    """Choose where to touch next, by what was observed.
 
-    def __init__(self, belief: str, *, rounds: int = ROUNDS, episodes: int = EPISODES) -> None:
-        super().__init__("learned", belief)
+    belief: the estimator whose belief it observes. name: what a table calls it, by default its class's name.
+    """
+
+    name = ""
+
+    def __init__(self, belief: str = "refined") -> None:
+        self.belief = belief
+        self.name = self.name or type(self).__name__
+
+    def learn(self, task: str, scan_seed: int) -> None:
+        """Learn in environments of one scan seed, which its episodes will have too. Nothing by default."""
+        return
+
+    def begin(self, rng: np.random.Generator) -> None:
+        """Begin an episode; all randomness until the next one comes from `rng`."""
+        self.rng = rng
+
+    @abstractmethod
+    def choose(self, env: TouchEnv, observation: dict[str, Any]) -> FloatArray:
+        """Choose sensor_in_robot (3,), mm, mm, rad, within the reach."""
+
+
+class RandomPolicy(Policy):
+    """Touch at random poses within the reach."""
+
+    name = "random"
+
+    def choose(self, env: TouchEnv, observation: dict[str, Any]) -> FloatArray:
+        """Draw x and y within the reach and any angle."""
+        return random_poses(self.rng, 1, env.reach)[0]
+
+
+class InformationPolicy(Policy):
+    """Touch where the estimator of the belief expects to learn most of label and pose (`Estimator.propose`)."""
+
+    name = "expected information"
+
+    def choose(self, env: TouchEnv, observation: dict[str, Any]) -> FloatArray:
+        """Have the estimator choose among random poses. Raises InputError if it proposes none."""
+        poses = random_poses(self.rng, CANDIDATES, env.reach)
+        if env.estimator is None:
+            raise InputError("the policy of expected information needs a belief, such as belief='refined'")
+        return poses[env.estimator.propose(poses)]
+
+
+class LearnedPolicy(Policy):
+    """Touch where gradient-boosted trees predict the largest gain of information; needs the extra `learned`.
+
+    It is fitted Q iteration with a discount of 0 (Ernst, Geurts and Wehenkel 2005): the value of a touch is the
+    information of this one touch, which is greedy. It looks at the belief and at where it touched before, and at
+    nothing of the pad: no measurement model is known to it, unlike to the policy of expected information.
+    """
+
+    name = "learned"
+
+    def __init__(self, belief: str = "refined", *, rounds: int = ROUNDS, episodes: int = EPISODES) -> None:
+        super().__init__(belief)
         self._rounds, self._episodes = rounds, episodes
         self._trees: Any = None
         self._threads: Any = None
