@@ -149,8 +149,7 @@ def _suites() -> list[Row]:
 def _formats() -> list[Row]:
     from tactsim.bench.formats import FORMATS
 
-    takes = {True: "scans and runs", False: "scans"}
-    return [(one.name, takes[one.runs], one.line) for one in FORMATS.values()]
+    return [(one.name, "scans and runs", one.line) for one in FORMATS.values()]
 
 
 def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:

@@ -161,8 +161,8 @@ class TouchEnv(gymnasium.Env):
         """Touch at a pose (3,), and return what that earns."""
         # Estimators are given what is observed, in single precision, as one outside the environment would be.
         pose = within(self.observation_space, "pose", asked)
-        reading, rests = hidden.touch(pose.astype(float))
-        reading = within(self.observation_space, "reading", reading)
+        felt, rests = hidden.touch(pose.astype(float))
+        reading = within(self.observation_space, "reading", felt)
         self._seen |= {"pose": pose, "reading": reading, "felt": np.int64(rests)}
         before = self._entropy
         if self.estimator is not None and rests:
