@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
-from tactsim.bench.config import SOLIDS, RunConfig, ScanWords, any_config, scan_options
+from tactsim.bench import kinds
+from tactsim.bench.config import RunConfig, ScanWords, any_config, scan_options
 from tactsim.bench.experiment import perform, silent
 from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
@@ -117,9 +118,9 @@ def run(
             raise InputError(
                 f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one"
             )
-        if isinstance(readings, Scan) and readings.in_space:
+        if isinstance(readings, Scan) and readings.kind != kinds.PLANE:
             raise InputError(
-                "the scan is of objects in space; save it, and give its file as scan, and task='solids'"
+                f"the scan is of {readings.kind}; save it, and give its file as scan, and task={readings.kind!r}"
             )
     given = scan if isinstance(scan, Scan) else None
     if isinstance(train_scan, Scan):
@@ -140,7 +141,9 @@ def run(
     if isinstance(estimator, str):
         words["estimator"] = estimator
     elif (
-        words.get("task") not in (None, SOLIDS) and not estimator.proposes and task(str(words["task"])).chosen
+        words.get("task") not in (None, *kinds.names())
+        and not estimator.proposes
+        and task(str(words["task"])).chosen
     ):
         words.setdefault("explore", "blind")  # as a task does for an estimator that is named
     config = any_config(**words)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from tactsim.bench.config import RunConfig, flags_of
+from tactsim.bench.config import flags_of
 from tactsim.bench.results import Run
 from tactsim.bench.score import FEWEST_PAIRS, Scored, settled_by
 from tactsim.core import InputError
@@ -18,12 +18,6 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import shape_digest
 
 DRAWS = 4000  # bootstrap resamples of the trials
-# What decides the trials of a run, in the order in which it is named.
-_OF_TRIALS = (
-    "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "hold_out", "scan",
-    "train_scan", "presses",
-)  # fmt: skip
-_OF_TRIALS_IN_SPACE = ("seed", "objects", "shapes", "trials", "scan")
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
 # So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
 _ENOUGH_PAIRS = 30
@@ -53,28 +47,25 @@ def compare(base: Run, new: Run) -> list[Difference]:
     is right, over all trials, and the placement error after the last reading where both have named
     the letter and its place is known; without such trials it is left out. Reported: accuracy with McNemar's
     exact test at some readings, readings to settle, time.
-    In space the angle is gated as well, and touches may differ: chosen ones, those of a hand, or more of them; the
-    touches that both have are compared.
+    Where touches are of each trial alone (`Kind.own_touches`), they may differ: chosen ones, or more of them; those
+    that both have are compared.
 
     Raises InputError if the runs do not have the same trials.
     """
     _check_same_trials(base, new)
     rng = np.random.default_rng(0)
     scored = [Scored(run.trials, run.objects) for run in (base, new)]
-    in_space = base.in_space
-    count, error = ("touches", "surface mm") if in_space else ("readings", "error mm")
+    kind = base.kind
     readings = min(base.readings, new.readings)
     right = [run.trials.right[:, :readings] for run in (base, new)]
-    rows = [paired(f"share of {count} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1)]
+    rows = [paired(f"share of {kind.touches} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1)]
     both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
     for one in scored:  # of an object whose place nobody knows there is no error
         both &= np.isfinite(one.error[:, readings - 1])
     if both.any():
-        errors = [one.error[both, readings - 1] for one in scored]
-        rows.append(paired(f"{error} @{readings}, both right", errors[0], errors[1], rng, -1))
-        if in_space:
-            angles = [np.degrees(one.angle[both, readings - 1]) for one in scored]
-            rows.append(paired(f"angle deg @{readings}", angles[0], angles[1], rng, -1))
+        for name, measure in kind.errors.items():
+            pair = [measure(one)[both, readings - 1] for one in scored]
+            rows.append(paired(name.format(readings), pair[0], pair[1], rng, -1))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = [each[:, reading - 1] for each in right]
         rows.append(
@@ -83,7 +74,7 @@ def compare(base: Run, new: Run) -> list[Difference]:
     for name, share in (("all right from", 1.0), ("settled 95", 0.95)):
         rows.append(Difference(name, settled_by(right[0], share), settled_by(right[1], share)))
     before, after = (1e3 * float(run.trials.seconds.mean()) for run in (base, new))
-    rows.append(Difference(f"ms a {'touch' if in_space else 'reading'}", before, after))
+    rows.append(Difference(f"ms a {kind.touch}", before, after))
     return rows
 
 
@@ -137,8 +128,11 @@ def what_to_align(
 
 
 def _check_same_trials(base: Run, new: Run) -> None:
-    if base.in_space != new.in_space:
-        raise InputError("one run is in the plane, the other of objects in space; give two of one kind")
+    kind = base.kind
+    if kind.name != new.kind.name:
+        raise InputError(
+            f"one run is of kind {kind.name}, the other of kind {new.kind.name}; give two of one kind"
+        )
     pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
     pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
     alike = all(np.array_equal(a, b) for a, b in pairs)
@@ -147,15 +141,12 @@ def _check_same_trials(base: Run, new: Run) -> None:
             stated = [shape_digest(run.about["scan"], name) for run in (base, new)]
             if None not in stated and stated[0] != stated[1]:
                 raise InputError(f"{name} is of another shape in each run; give both the same --shape")
-    if base.in_space:
+    before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
+    align = what_to_align(before, after, kind.of_trials, kind.config)
+    if kind.own_touches:
         if not alike:
-            from tactsim.solids.config import SpaceConfig  # runs in the plane do without its room
-
-            align = what_to_align(base.config, new.config, _OF_TRIALS_IN_SPACE, SpaceConfig)
             raise InputError(f"the runs did not hide the same objects at the same poses; {align}")
         return
-    before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
-    align = what_to_align(before, after, _OF_TRIALS, RunConfig)
     if base.about["protocol"] != new.about["protocol"]:
         raise InputError(
             f"the runs follow different protocols ({base.about['protocol']}; {new.about['protocol']}) "
@@ -166,5 +157,5 @@ def _check_same_trials(base: Run, new: Run) -> None:
     if base.trials.reading.shape != new.trials.reading.shape:
         raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
-        align = what_to_align(before, after, ("slip", "world"), RunConfig)
+        align = what_to_align(before, after, ("slip", "world"), kind.config)
         raise InputError(f"the objects do not move alike in both runs; {align}")

@@ -13,12 +13,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
+from tactsim.bench import kinds
+from tactsim.bench.kinds import Config
 from tactsim.core import InputError, invert
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
@@ -27,7 +29,6 @@ from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
     from tactsim.press import ScanOptions
-    from tactsim.solids.config import SpaceConfig
 
 
 def key_values(pairs: Iterable[str], option: str) -> dict[str, Any]:
@@ -107,7 +108,6 @@ def whole_number(text: str) -> int | None:
     return int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
-SOLIDS: Final = "solids"  # the task whose objects are in space; see `space.space_config`
 RECORDING: Final = "recording:"  # begins what stands for a scan's file where a public recording is meant
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
 
@@ -297,6 +297,7 @@ class RunConfig(ScanWords):
     training readings come from that file (train on simulated, test on recorded).
     """
 
+    kind: ClassVar[str] = kinds.PLANE
     estimator: str = Field("refined", description="The estimator; `bench list` names them all.")
     bins: int | None = Field(
         None,
@@ -462,16 +463,12 @@ def _labels(word: str, labels: Sequence[str]) -> tuple[str, ...]:
     return several
 
 
-def any_config(**words: Any) -> RunConfig | SpaceConfig:
-    """Build the configuration of a run in the plane, or, with task="solids", of one with objects in space.
+def any_config(**words: Any) -> Config:
+    """Build the configuration of a run of the kind that `task` names, or of letters in the plane.
 
     Raises InputError as `run_config` does.
     """
-    if words.get("task") != SOLIDS:
-        return run_config(**words)
-    from tactsim.solids.config import space_config  # imports this module
-
-    return space_config(**words)
+    return kinds.of_task(words.get("task")).configured(**words)
 
 
 def run_config(**words: Any) -> RunConfig:

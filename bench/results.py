@@ -7,28 +7,27 @@ import html
 import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactsim.bench.config import EACH, SOLIDS
-from tactsim.bench.placement import Properties
+from tactsim.bench import kinds
+from tactsim.bench.config import EACH
+from tactsim.bench.kinds import PLANE, Kind
 from tactsim.bench.score import CURVES, errors, summarise
-from tactsim.bench.trials import SpaceTrials, TrialPlan, Trials
-from tactsim.core import InputError
+from tactsim.bench.trials import TrialPlan, Trials
+from tactsim.core import InputError, rigid
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json, read_text
 from tactsim.core.errors import counted, short
 from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
 from tactsim.core.finite import finite
-from tactsim.core.poses import POSE as PLANE_POSE
 from tactsim.core.poses import FloatArray
-from tactsim.core.rigid import POSE as SPACE_POSE
 from tactsim.core.rigid import checked_poses
 from tactsim.core.scan import is_label
 from tactsim.models.shapes import LARGEST_FILE, shape
@@ -61,12 +60,10 @@ class Run:
 
     The curves are arrays over the reading count: `accuracy[4]` is the accuracy after five readings.
 
-    Of a run with objects in space poses are of seven numbers, and readings are called touches.
-
     config: the configuration. about: versions, machine, protocol, the estimator's description and options, eq.
-    3's agreement. objects: each letter's `Properties` for the error metric, or each solid's `Surface`. work: counts of
+    3's agreement. objects: what the error metric needs of each, such as a letter's `Properties`. work: counts of
     what was done and skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory.
-    plan: what is needed to do trials again. maps: the occupancy maps or, in space, the surfaces that were learned. A
+    plan: what is needed to do trials again. maps: what was learned of each object, such as its occupancy map. A
     loaded run has neither plan nor maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading
     (`tactsim.bench.bound`); None if it is not known. shape_files: of shapes of the user's own, in the plane; of a
     loaded run those that its folder keeps.
@@ -155,17 +152,7 @@ class Run:
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
         lines = [] if self.badly_explained is None else [self.badly_explained]
-        if self.in_space:
-            return lines
-        # Errors take an object whose symmetry nobody stated for having none: half a turn of it may look the same.
-        stated = self.about["scan"].get("objects", {})
-        unknown = [label for label, of in self.objects.items() if of.placed and label not in stated]
-        if unknown:
-            lines.append(
-                f"no symmetry is known of {' '.join(unknown)}: a turn that looks the same counts as an error; "
-                "`--shape FILE` of `bench import` and `bench replay` states it"
-            )
-        return lines
+        return lines + self.kind.cautions(self)
 
     @property
     def confusion(self) -> dict[str, dict[str, int]]:
@@ -199,14 +186,14 @@ class Run:
         return self.trials.label.shape[1]
 
     @property
-    def in_space(self) -> bool:
-        """Whether objects lie and are touched in space."""
-        return isinstance(self.trials, SpaceTrials)
+    def kind(self) -> Kind:
+        """The kind of run: letters in the plane, or another one."""
+        return kinds.load(self.trials.kind)
 
     @property
     def on_demand(self) -> bool:
         """Whether each touch of a trial was pressed when it was chosen."""
-        if self.in_space:
+        if self.kind.own_touches:
             return True
         given = any(self.config.get(name) is not None for name in ("scan", "given", "presses"))
         return self.config["explore"] != "random" and not given
@@ -238,18 +225,11 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         """Put the run into one flat object, as `bench run --json` prints it."""
-        asked = ["estimator", "trials", "seed", "explore"]
-        found = ["options", "description", "protocol", "versions", "machine"]
-        if self.in_space:
-            asked += ["touches", "hand"]
-            own: dict[str, Any] = {"objects": self.letters}
-        else:
-            asked += ["readings", "hold_out"]
-            found += ["classifier_agreement"]
-            own = {"letters": self.letters, **self.against_bound}
+        asked = ("estimator", "trials", "seed", "explore", *self.kind.asked)
+        found = ("options", "description", "protocol", "versions", "machine")
         return {
             **self.summary,
-            **own,
+            **self.kind.as_json(self),
             "task": self.task,
             **{name: self.config[name] for name in asked},
             **{name: self.about[name] for name in found},
@@ -275,27 +255,13 @@ class Run:
         """Draw accuracy and placement error, with intervals, against readings seen (the paper's figure 7).
 
         ax: matplotlib Axes to draw on, one for the accuracy or two for accuracy and error; it is returned. By default
-        a figure is made and returned. Raises InputError for other axes, and for axes of a run in space.
+        a figure is made and returned. Raises InputError for other axes, and for axes of a run that is not in the plane.
         """
-        if self.in_space:
-            if ax is not None:
-                raise InputError("ax is for runs in the plane; a run in space draws three figures of its own")
-            from tactsim.solids.pictures import touches_figure
-
-            return touches_figure(self)
-        from tactsim.bench.runs.figures import draw_curves, readings_figure
-
-        return readings_figure(self) if ax is None else draw_curves(self, ax)
+        return self.kind.plot(self, ax)
 
     def plot_maps(self) -> Picture:
-        """Draw the learned occupancy maps (the paper's figure 4), or surfaces. Raises InputError if there are none."""
-        if self.in_space:
-            from tactsim.solids.pictures import surfaces_figure
-
-            return surfaces_figure(self.maps)
-        from tactsim.bench.runs.figures import maps_figure
-
-        return maps_figure(self.maps)
+        """Draw the learned occupancy maps (the paper's figure 4), or the like. Raises InputError without any."""
+        return self.kind.plot_maps(self.maps)
 
     def plot_shapes(self) -> Picture:
         """Draw the outlines of the user's own shapes as they were read. Raises InputError if there are none."""
@@ -334,14 +300,10 @@ class Run:
         return f"<Run of {self._asked}: {self._headline}>"
 
     @property
-    def _a_reading(self) -> str:
-        return "touch" if self.in_space else "reading"
-
-    @property
     def _asked(self) -> str:
         return (
             f"{self.described}, {counted(len(self.trials.truth), 'trial')} of "
-            f"{counted(self.readings, self._a_reading)} over {' '.join(self.letters)}, {self.protocol}"
+            f"{counted(self.readings, self.kind.touch)} over {' '.join(self.letters)}, {self.protocol}"
         )
 
     @property
@@ -352,9 +314,9 @@ class Run:
             f"accuracy {summary['accuracy'][-1]:.3f} [{summary['accuracy_low'][-1]:.3f}, "
             f"{summary['accuracy_high'][-1]:.3f}]"
             + (f", error {error:.2f} mm" if error is not None else "")
-            + f" after {counted(self.readings, self._a_reading)}; "
+            + f" after {counted(self.readings, self.kind.touch)}; "
             + (
-                f"every trial right from {self._a_reading} {from_reading}"
+                f"every trial right from {self.kind.touch} {from_reading}"
                 if from_reading
                 else "some trials still wrong"
             )
@@ -366,7 +328,7 @@ class Run:
             "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
             for cells in self._cells()
         )
-        words = ("touches" if self.in_space else "readings", "accuracy", "95 % interval", "error mm")
+        words = (self.kind.touches, "accuracy", "95 % interval", "error mm")
         heads = "".join(f"<th>{word}</th>" for word in words)
         return (
             f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
@@ -406,7 +368,6 @@ class Run:
         )
 
 
-SCHEMA = 3
 BADLY_EXPLAINED = (
     "explained worse than the training's: other places, lighter presses, another pad, an unknown object?"
 )
@@ -415,40 +376,6 @@ SHAPES = "shapes"  # a run's folder of the files of the user's own shapes
 _LARGEST_TABLE = 1 << 30  # bytes
 
 
-class _Layout(NamedTuple):
-    """What differs between the files of a run in the plane and of one in space, where readings are called touches.
-
-    schema: of run.json. pose: the numbers of a pose. number: the column that counts the readings of a trial. columns:
-    of trials.csv, one row per trial and reading, the same on every machine for the same seed.
-    """
-
-    schema: int
-    pose: tuple[str, ...]
-    number: str
-    columns: tuple[str, ...]
-
-    @property
-    def time_columns(self) -> tuple[str, ...]:
-        """Those of times.csv, of the same rows in the same order; the times differ whenever a run is repeated."""
-        return ("truth", "trial", self.number, "update_s", "estimate_s", "propose_s")
-
-
-_PLANE = _Layout(
-    SCHEMA, PLANE_POSE, "reading_number",
-    (
-        "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label",
-        *(f"{before}{name}" for before in ("", "true_") for name in PLANE_POSE),
-        "credibility", "radius_90", "evaluations",
-    ),
-)  # fmt: skip
-_SPACE = _Layout(
-    1, SPACE_POSE, "touch_number",
-    (
-        "truth", "trial", "touch_number", "label",
-        *(f"{before}{name}" for before in ("", "true_", "start_") for name in SPACE_POSE),
-        "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
-    ),
-)  # fmt: skip
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")
 
@@ -457,7 +384,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(strict=True)
 
 
-class _AnyConfig(_Strict):
+class AnyConfig(_Strict):
     """The fields of a run's configuration that every reader needs; others may come from another version."""
 
     estimator: str
@@ -465,20 +392,8 @@ class _AnyConfig(_Strict):
     scan: str | None
     trials: int
     explore: str
-
-
-class _Config(_AnyConfig):
-    hold_out: list[str]
-    train_scan: str | None
-    given: str | None
-    letters: list[str] | None
-    readings: int
+    hold_out: list[str] = []
     shapes: list[str] = []
-
-
-class _SpaceConfig(_AnyConfig):
-    touches: int
-    hand: str | None
 
 
 class _Budget(_Strict):
@@ -498,11 +413,12 @@ class _Scan(_Strict):
     options: dict[str, Any] = {}
 
 
-class _AnyAbout(_Strict):
+class AnyAbout(_Strict):
     """The fields of run.json that every reader needs."""
 
     protocol: str
     description: str
+    config: AnyConfig
     options: dict[str, Any]
     settings: dict[str, Any]
     budget: _Budget | None
@@ -510,22 +426,6 @@ class _AnyAbout(_Strict):
     commit: str | None
     versions: dict[str, str]
     machine: _Machine
-
-
-class _About(_AnyAbout):
-    config: _Config
-    objects: dict[str, Any]
-    letters: list[str]
-    classifier_agreement: float | None
-    source: str
-    slip: str = ""
-
-
-class _SpaceAbout(_AnyAbout):
-    config: _SpaceConfig
-    objects: list[str]
-    symmetries: dict[str, dict[str, Any]]
-    taxel_points: list[list[float]]
 
 
 class _Times(_Strict):
@@ -540,15 +440,11 @@ def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
     about, times = documents(run)
     write_text(folder / "run.json", to_json(about))
-    layout = _PLANE
-    if run.in_space:
-        from tactsim.solids.surface_distance import save_surfaces
-
-        save_surfaces(run.objects, folder / "objects.npz")
-        layout = _SPACE
+    kind = run.kind
+    kind.save_objects(run.objects, folder)
     table = columns(run.trials)
-    write_text(folder / "trials.csv", write_table(layout.columns, table))
-    write_text(folder / "times.csv", write_table(layout.time_columns, table))
+    write_text(folder / "trials.csv", write_table(kind.columns, table))
+    write_text(folder / "times.csv", write_table(kind.time_columns, table))
     if run.bounds is not None:
         write_text(
             folder / "bounds.csv", write_table(BOUND_COLUMNS, table | {"bound_mm": run.bounds.ravel()})
@@ -562,14 +458,9 @@ def save(run: Run, folder: Path) -> None:
 
 def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     """Give what run.json and times.json say of a run."""
-    about = {"config": run.config, **run.about}
-    if run.in_space:
-        from tactsim.solids.surface_distance import symmetries_of
-
-        about |= {"schema": _SPACE.schema, "task": SOLIDS, "symmetries": symmetries_of(run.objects)}
-        about["objects"] = about.pop("letters")
-    else:
-        about |= {"schema": SCHEMA, "objects": {label: asdict(of) for label, of in run.objects.items()}}
+    about = run.kind.stated(run, {"config": run.config, **run.about, "schema": run.kind.schema})
+    if run.kind.name != PLANE:
+        about["task"] = run.kind.name
     return about, run.times | {"work": run.work}
 
 
@@ -578,27 +469,21 @@ def run_of(
     times: Mapping[str, Any],
     trials: Trials,
     bounds: FloatArray | None,
-    surfaces: Mapping[str, Any] | None = None,
+    folder: Path | None = None,
 ) -> Run:
     """Put a run together from what run.json and times.json say, its trials and their bounds.
 
-    surfaces: of the solids of a run in space. Raises InputError if one of them is not whole, or has another schema.
+    folder: holds what run.json does not of the objects. Raises InputError if one of them is not whole, or has another
+    schema.
     """
     about, times = dict(about), dict(times)
-    schema = (_PLANE if surfaces is None else _SPACE).schema
-    if about.pop("schema", None) != schema:
-        raise InputError(f"run.json: unknown schema; this version reads schema {schema}")
-    checked(_SpaceAbout if surfaces is not None else _About, about, "run.json")
+    kind = kinds.load(trials.kind)
+    if about.pop("schema", None) != kind.schema:
+        raise InputError(f"run.json: unknown schema; this version reads schema {kind.schema}")
+    checked(kind.about, about, "run.json")
     checked(_Times, times, "times.json")
-    if surfaces is None:
-        objects: dict[str, Any] = {
-            label: Properties.stated(of, f"run.json: objects.{label}")
-            for label, of in about.pop("objects").items()
-        }
-    else:
-        objects = dict(surfaces)
-        about["letters"] = about.pop("objects")
-        del about["task"], about["symmetries"]
+    about.pop("task", None)
+    objects = kind.objects_of(about, folder)
     if not set(trials.truth.tolist()) <= set(objects):
         raise InputError("run.json: objects: a letter of trials.csv is missing")
     return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
@@ -606,7 +491,7 @@ def run_of(
 
 def picture_names(run: Run) -> dict[str, Callable[[], Picture]]:
     """Name the pictures of a run's folder, each with what draws it."""
-    pictures: dict[str, Callable[[], Picture]] = {"touches.png" if run.in_space else "readings.png": run.plot}
+    pictures: dict[str, Callable[[], Picture]] = {f"{run.kind.touches}.png": run.plot}
     if run.maps:
         pictures["maps.png"] = run.plot_maps
     if run.shape_files:
@@ -621,37 +506,24 @@ def load(path: str | Path) -> Run:
         why = "it has no run.json" if folder.is_dir() else "there is no such folder"
         raise InputError(f"{folder} is not the folder of a run: {why}")
     about = read_json(folder / "run.json", "file of a run")
-    in_space = about.get("task") == SOLIDS
-    layout = _SPACE if in_space else _PLANE
-    if about.get("schema") != layout.schema:
-        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {layout.schema}")
-    surfaces = None
+    kind = kinds.of_task(about.get("task"))
+    if about.get("schema") != kind.schema:
+        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {kind.schema}")
     try:
-        if in_space:
-            from tactsim.solids.surface_distance import load_surfaces
-
-            stated = checked(_SpaceAbout, about, "run.json").symmetries
-            surfaces, hold_out, shapes = (
-                load_surfaces(stated, folder / "objects.npz"),
-                list[str](),
-                list[str](),
-            )
-        else:
-            config = checked(_About, about, "run.json").config
-            hold_out, shapes = config.hold_out, config.shapes
+        config = checked(kind.about, about, "run.json").config  # type: ignore[attr-defined]
         trials = _trials(
-            read_table(folder / "trials.csv", layout.columns),
-            read_table(folder / "times.csv", layout.time_columns),
-            hold_out,
-            layout,
+            read_table(folder / "trials.csv", kind.columns),
+            read_table(folder / "times.csv", kind.time_columns),
+            config.hold_out,
+            kind,
         )
         bounds = None
         if (folder / "bounds.csv").is_file():
             bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
-        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, surfaces)
+        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, folder)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
-    kept = tuple(folder / SHAPES / Path(path).name for path in shapes)
+    kept = tuple(folder / SHAPES / Path(path).name for path in config.shapes)
     return replace(run, shape_files=kept) if all(path.is_file() for path in kept) else run
 
 
@@ -663,19 +535,16 @@ def to_json(value: Any) -> str:
 def columns(trials: Trials) -> dict[str, NDArray[Any]]:
     """Give the columns of trials.csv and times.csv, one row a trial and reading."""
     readings = np.arange(1, trials.label.shape[1] + 1)
-    poses = {"": trials.pose, "true_": trials.true_pose}
-    layout = _PLANE
-    if isinstance(trials, SpaceTrials):
-        poses["start_"] = trials.start
-        layout = _SPACE
-    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], layout.number: readings}
-    for before, array in poses.items():
-        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(layout.pose)}
+    kind = kinds.load(trials.kind)
+    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], kind.number: readings}
+    for before, of in kind.poses.items():
+        array = getattr(trials, of)
+        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(kind.pose)}
     return {
         name: np.broadcast_to(
             values[name] if name in values else getattr(trials, name), trials.label.shape
         ).ravel()
-        for name in dict.fromkeys((*layout.columns, *layout.time_columns))
+        for name in dict.fromkeys((*kind.columns, *kind.time_columns))
     }
 
 
@@ -706,21 +575,20 @@ def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def _trials(
-    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], layout: _Layout
+    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], kind: Kind
 ) -> Trials:
-    in_space = layout is _SPACE
-    number = _integers(table, layout.number)
+    number = _integers(table, kind.number)
     readings = int(number.max())
     trials, left = divmod(len(number), max(readings, 1))
     if left or not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
         raise InputError("trials.csv: rows are missing")
-    if any(times[name] != table[name] for name in ("truth", "trial", layout.number)):
+    if any(times[name] != table[name] for name in ("truth", "trial", kind.number)):
         raise InputError("times.csv does not have the rows of trials.csv")
     shape = trials, readings
 
     def poses(before: str) -> FloatArray:
-        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in layout.pose], axis=-1)
-        return checked_poses(found, f"trials.csv: {before}pose") if in_space else found
+        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in kind.pose], axis=-1)
+        return checked_poses(found, f"trials.csv: {before}pose") if kind.pose == rigid.POSE else found
 
     truth = _labels(table, "truth")[::readings]
     columns: dict[str, Any] = {
@@ -735,10 +603,11 @@ def _trials(
         **{name: _floats(table, name, unknown=True).reshape(shape) for name in ("credibility", "radius_90")},
         **{name: _floats(times, name).reshape(shape) for name in ("update_s", "estimate_s", "propose_s")},
     }
-    if in_space:
-        met = _integers(table, "met").reshape(shape)
-        return SpaceTrials(reading=(number - 1).reshape(shape), start=poses("start_"), met=met, **columns)
-    return Trials(reading=_integers(table, "reading").reshape(shape), **columns)
+    columns["reading"] = (_integers(table, "reading") if "reading" in table else number - 1).reshape(shape)
+    begins = {name: before for before, name in kind.poses.items()}
+    for name in (one.name for one in fields(kind.trials) if one.name not in columns):  # the kind's own
+        columns[name] = poses(begins[name]) if name in begins else _integers(table, name).reshape(shape)
+    return kind.trials(**columns)
 
 
 def _bounds(table: Mapping[str, list[str]], trials: Trials) -> FloatArray:

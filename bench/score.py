@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tactsim.bench import kinds
 from tactsim.bench.placement import Placement
-from tactsim.bench.trials import SpaceTrials, Trials
+from tactsim.bench.trials import Trials
 from tactsim.core import invert, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
@@ -24,14 +25,13 @@ JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error
 LEAST_ERROR = 0.01  # mm, below which no placement of a pad with taxels of 1.8 mm is told from another
 # Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
 FEWEST_PAIRS = 7
-_DRAWS = 1000  # of a bootstrap
 Z_95 = 1.959963984540054  # standard normal quantile of a two-sided 95 % interval
 
 
 def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -> FloatArray:
     """Compute the placement error (n, r) in mm of every estimate, with the true object's properties.
 
-    measure: the method of the properties that does it; in space also "angle", rad.
+    measure: the method of the properties that does it.
     """
     result = np.empty(trials.label.shape)
     for letter in np.unique(trials.truth):
@@ -43,10 +43,7 @@ def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Trials with what several metrics need of them, worked out once. objects: what measures each object's placement.
-
-    In space these are of a class with `angle` beside `error`.
-    """
+    """Trials with what several metrics need of them, worked out once. objects: measure each object's placement."""
 
     trials: Trials
     objects: Mapping[str, Any]
@@ -55,21 +52,6 @@ class Scored:
     def error(self) -> FloatArray:
         """The placement error (n, r) in mm of every estimate."""
         return errors(self.trials, self.objects)
-
-    @cached_property
-    def angle(self) -> FloatArray:
-        """In space, the angle (n, r) in rad between estimated and true rotation, the least over the symmetry."""
-        return errors(self.trials, self.objects, "angle")
-
-    @cached_property
-    def error_interval(self) -> tuple[Curve, Curve]:
-        """The ends of the 95 % interval of the mean error (r,) mm where the object is right."""
-        return _bootstrap(self.error, self.trials.named)
-
-    @cached_property
-    def angle_interval(self) -> tuple[Curve, Curve]:
-        """The ends of the 95 % interval of the mean angle (r,) in degrees where the object is right."""
-        return _bootstrap(np.degrees(self.angle), self.trials.named)
 
 
 def error_limits(errors: Iterable[ArrayLike], bounds: ArrayLike = ()) -> tuple[float, float]:
@@ -121,25 +103,25 @@ def error_standard_error(scored: Scored) -> Curve:
     """Compute the standard error of the mean placement error (r,) mm of the trials whose letter is known and right."""
     values, right = scored.error, scored.trials.named
     count = right.sum(axis=0)
-    squares = np.asarray(_mean(values**2, right), dtype=float)
-    means = np.asarray(_mean(values, right), dtype=float)
+    squares = np.asarray(mean_where(values**2, right), dtype=float)
+    means = np.asarray(mean_where(values, right), dtype=float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _nones(np.sqrt(np.clip(squares - means**2, 0, None) / (count - 1)))
+        return nones(np.sqrt(np.clip(squares - means**2, 0, None) / (count - 1)))
 
 
 def coverage(trials: Trials, share: float) -> Curve:
     """Count how often the region that holds this share of the belief holds the truth: as often, if all is well."""
-    return _mean((trials.credibility < share).astype(float), trials.sure)
+    return mean_where((trials.credibility < share).astype(float), trials.sure)
 
 
 def refused(trials: Trials, among: NDArray[np.bool_]) -> Curve:
     """Give the share (r,) of the trials `among` (n,) whose estimate is 'none'; None without such trials."""
-    return _mean((trials.label == NONE).astype(float), among[:, None] & np.ones_like(trials.right))
+    return mean_where((trials.label == NONE).astype(float), among[:, None] & np.ones_like(trials.right))
 
 
 def recovered_within(scored: Scored, readings: int) -> float | None:
     """Give the share of the jumps that are recovered in so many readings; None if there is none to judge."""
-    if isinstance(scored.trials, SpaceTrials):  # where no object moves
+    if (scored.trials.true_pose == scored.trials.true_pose[:, :1]).all():  # no object moves
         return None
     jumps, found = recoveries(scored, readings)
     return float(found.sum() / jumps.sum()) if jumps.any() else None
@@ -180,31 +162,6 @@ def confusion(trials: Trials) -> dict[str, dict[str, int]]:
     }
 
 
-def by_object(scored: Scored) -> dict[str, dict[str, float | None]]:
-    """Give accuracy, mean surface distance and angle of each object in space after the last touch."""
-    trials = scored.trials
-    figures = {
-        "accuracy": (trials.right.astype(float), np.ones_like(trials.right)),
-        "error_mm": (scored.error, trials.named),
-        "angle_deg": (np.degrees(scored.angle), trials.named),
-    }
-    rows: dict[str, dict[str, float | None]] = {}
-    for truth in dict.fromkeys(trials.truth.tolist()):
-        own = trials.truth == truth
-        means = {
-            name: _mean(values[own][:, -1:], chosen[own][:, -1:])[0]
-            for name, (values, chosen) in figures.items()
-        }
-        rows[truth] = {name: None if mean is None else float(mean) for name, mean in means.items()}
-    return rows
-
-
-def met(scored: Scored) -> FloatArray:
-    """Give the share of the touches in space (r,) that met the object."""
-    assert isinstance(scored.trials, SpaceTrials)
-    return (scored.trials.met > 0).mean(axis=0)
-
-
 def recognition_seconds(trials: Trials, readings: int) -> float:
     """Compute what a recognition costs: the median over the trials of the processor time of its readings.
 
@@ -238,12 +195,14 @@ CURVES: dict[str, Metric] = {
     ),
     "error_mm": Metric(
         "Mean placement error of the trials whose letter is known and right (as the paper averages it).",
-        lambda scored: _mean(scored.error, scored.trials.named),
+        lambda scored: mean_where(scored.error, scored.trials.named),
     ),
     "error_standard_error_mm": Metric("Give the standard error of `error_mm`.", error_standard_error),
     "error_all_mm": Metric(
         "Mean placement error over all trials of known letters, the wrong estimates included.",
-        lambda scored: _mean(scored.error, scored.trials.known[:, None] & np.ones_like(scored.trials.right)),
+        lambda scored: mean_where(
+            scored.error, scored.trials.known[:, None] & np.ones_like(scored.trials.right)
+        ),
     ),
     "negative_log_likelihood": Metric(
         "Mean of -log p(right label), in nats; p is floored at the smallest normal float.",
@@ -263,7 +222,7 @@ CURVES: dict[str, Metric] = {
     ),
     "sharpness_mm": Metric(
         "Mean radius of the 90 % region, in the metric of the error, where the letter is known and right.",
-        lambda scored: _mean(scored.trials.radius_90, scored.trials.sure),
+        lambda scored: mean_where(scored.trials.radius_90, scored.trials.sure),
     ),
     "refused_known": Metric(
         "Share of the trials of known letters whose estimate is 'none'; None without such trials.",
@@ -303,83 +262,24 @@ HEADLINES: dict[str, Metric] = {
 }
 
 
-# What a run in space has beside them: the objects have no shape in common, so a few poses may be far off.
-SPACE_METRICS: dict[str, Metric] = {
-    "error_low_mm": Metric(
-        "Lower end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
-        lambda scored: scored.error_interval[0],
-    ),
-    "error_high_mm": Metric(
-        "Upper end of the 95 % interval of `error_mm`, by a bootstrap over trials.",
-        lambda scored: scored.error_interval[1],
-    ),
-    "error_median_mm": Metric(
-        "Median surface distance of the trials whose object is right: a few poses that are far off do not move it.",
-        lambda scored: _median(scored.error, scored.trials.named),
-    ),
-    "angle_deg": Metric(
-        "Mean angle between estimated and true rotation where the object is right, the least over its symmetry.",
-        lambda scored: _mean(np.degrees(scored.angle), scored.trials.named),
-    ),
-    "angle_low_deg": Metric(
-        "Lower end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
-        lambda scored: scored.angle_interval[0],
-    ),
-    "angle_high_deg": Metric(
-        "Upper end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
-        lambda scored: scored.angle_interval[1],
-    ),
-    "angle_median_deg": Metric(
-        "Median angle where the object is right.",
-        lambda scored: _median(np.degrees(scored.angle), scored.trials.named),
-    ),
-    "met": Metric("Share of the touches that met the object with one pad at least.", met),
-    "by_object": Metric(
-        "Give accuracy, mean surface distance and angle of each object after the last touch.", by_object
-    ),
-}
-
-
 def summarise(trials: Trials, objects: Mapping[str, Placement]) -> dict[str, Any]:
     """Compute every metric: lists over the reading count 1..r (None where undefined) and headlines."""
     scored = Scored(trials, objects)
-    metrics = CURVES | HEADLINES | (SPACE_METRICS if isinstance(trials, SpaceTrials) else {})
+    metrics = {**CURVES, **HEADLINES, **kinds.load(trials.kind).metrics}
     summary = {name: metric.compute(scored) for name, metric in metrics.items()}
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
     }
 
 
-def _mean(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
+def mean_where(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
     """Average the chosen entries of each column; None where there is none."""
     count = chosen.sum(axis=0)
     with np.errstate(invalid="ignore"):
-        return _nones(np.where(chosen, values, 0).sum(axis=0) / np.where(count, count, np.nan))
+        return nones(np.where(chosen, values, 0).sum(axis=0) / np.where(count, count, np.nan))
 
 
-def _median(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:
-    """Take the median of the chosen entries of each column; None where there is none."""
-    columns = zip(values.T, chosen.T, strict=True)
-    return _nones(np.array([np.median(column[some]) if some.any() else np.nan for column, some in columns]))
-
-
-def _bootstrap(values: FloatArray, chosen: NDArray[np.bool_]) -> tuple[Curve, Curve]:
-    """Bound the mean of the chosen entries of each column: percentiles of a bootstrap over rows, (r,) each.
-
-    None where fewer than `FEWEST_PAIRS` are chosen: draws of so few are too much alike.
-    """
-    drawn = np.random.default_rng(0).multinomial(len(values), np.full(len(values), 1 / len(values)), _DRAWS)
-    chosen = chosen & (chosen.sum(axis=0) >= FEWEST_PAIRS)
-    count = drawn @ chosen.astype(float)
-    with np.errstate(invalid="ignore"):
-        means = drawn @ np.where(chosen, values, 0.0) / np.where(count > 0, count, np.nan)
-    bounds = np.full((2, values.shape[1]), np.nan)
-    some = ~np.isnan(means).all(axis=0)
-    bounds[:, some] = np.nanpercentile(means[:, some], (2.5, 97.5), axis=0)
-    return _nones(bounds[0]), _nones(bounds[1])
-
-
-def _nones(values: FloatArray) -> Curve:
+def nones(values: FloatArray) -> Curve:
     """Replace NaN by None, which JSON can hold."""
     if np.isfinite(values).all():
         return values

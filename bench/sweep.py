@@ -20,12 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench import results
-from tactsim.bench.config import SOLIDS, RunConfig, any_config
+from tactsim.bench import kinds, results
+from tactsim.bench.config import any_config
 from tactsim.bench.experiment import (
     Config,
     Gathered,
-    check_presses,
     estimator_of,
     finished_run,
     gather,
@@ -39,7 +38,6 @@ from tactsim.bench.trials import (
     Progress,
     TrialPlan,
     Trials,
-    check_readings,
     received_trials,
     send_trials,
     silent,
@@ -107,7 +105,7 @@ def expand(table: Mapping[str, Any], what: str) -> list[Config]:
                 config = any_config(**words, **seed)
                 estimator_of(config)  # refuses a wrong option
                 if (asked := (config.source, config.readings)) not in sources:
-                    check_presses(config)
+                    kinds.load(config.kind).check(config)
                     sources.add(asked)
                 configs.setdefault(config.digest, config)
         except InputError as error:
@@ -151,7 +149,7 @@ def _combinations(table: Mapping[str, Any], what: str) -> Iterator[tuple[str, di
 
 def _seeds(words: Mapping[str, Any]) -> list[dict[str, int]]:
     """Give what is to be added to a combination: each seed of the task that is named without one, or else nothing."""
-    if words.get("task") in (None, SOLIDS) or "seed" in words:
+    if words.get("task") in (None, *kinds.names()) or "seed" in words:
         return [{}]
     return [{"seed": seed} for seed in task(str(words["task"])).seeds]
 
@@ -167,6 +165,7 @@ def _axes(
             yield (*prefix, key), value if isinstance(value, list) else [value]
 
 
+_SCHEMA = 3  # of sweep.json
 SCHEDULER_ANSWERS_IN = 10.0  # s, or it counts as none
 ATTEMPTS = 3  # how often trials are tried when workers die
 
@@ -306,8 +305,7 @@ def _gather_all(
         if source not in by_source:
             by_source[source] = gather(config, jobs=jobs, cache=cache, progress=progress)
         found[name] = by_source[source]
-        if isinstance(config, RunConfig):
-            check_readings(found[name].scan, found[name].letters, config.readings, config.hold_out)
+        kinds.load(config.kind).check_gathered(config, found[name])
     return found
 
 
@@ -340,7 +338,7 @@ def _claim(folder: Path, names: Sequence[str], configs: Sequence[Config]) -> Non
     """Write down which sweep the folder belongs to, or check that it is this one: one with the same runs."""
     content = results.to_json(
         {
-            "schema": results.SCHEMA,
+            "schema": _SCHEMA,
             "runs": [
                 {"name": name, "config": config.model_dump(mode="json")}
                 for name, config in zip(names, configs, strict=True)

@@ -11,7 +11,6 @@ from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -24,7 +23,6 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from tactsim.bench.config import RunConfig
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.runs import paper
@@ -34,8 +32,6 @@ from tactsim.core.errors import counted
 if TYPE_CHECKING:
     from tactsim.bench.bound.bound import Bound
 
-# Options of a run that say nothing of the data it asks about.
-_OF_ANY_DATA = {"estimator", "bins", "particles", "set", "trials", "readings", "seed", "explore", "bound"}
 STAGES = {
     "press": "pressing",
     "map": "mapping",
@@ -48,7 +44,6 @@ STAGES = {
 }
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 SHORT = (1, 2, 3, 5, 10, 20)  # and the last
-_ROWS_IN_SPACE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 40, 60, 100)
 
 
 # s, between the lines of progress where there is no terminal to draw bars on
@@ -128,19 +123,18 @@ def print_run(run: Run, verbose: bool = False) -> None:
     console.print(run.config["estimator"], style="bold", end=" " if how else "\n")
     if how:
         console.print(how)
-    task = f"task {run.task}; " if run.task and not run.in_space else ""
-    trials = counted(run.config["trials"], "trial") + (
-        "" if run.in_space or len(run.letters) == 1 else " each"
-    )
-    known = run.plan.scan.where("train").letters if run.plan and not run.in_space else ()
+    task = f"task {run.task}; " if run.task not in (None, run.kind.name) else ""
+    all_alike = len(run.letters) > 1 and len(run.trials.truth) == len(run.letters) * run.config["trials"]
+    trials = counted(run.config["trials"], "trial") + (" each" if all_alike else "")
+    known = run.plan.scan.where("train").letters if run.plan else ()
     among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
     console.print(f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}")
     for line in headline(run):
         console.print(line, style="bold")
-    rows = _rows(run.readings, _ROWS_IN_SPACE if run.in_space else ROWS) if verbose else _rows(run.readings)
+    rows = _rows(run.readings, ROWS) if verbose else _rows(run.readings)
     console.print(_table(run, rows, verbose))
     console.print(
-        f"right: share of the trials that name the {'object' if run.in_space else 'letter'}; error: how far from its "
+        f"right: share of the trials that name the {run.kind.thing}; error: how far from its "
         f"true place they put it, mean over those named rightly"
     )
     k = min(5, run.readings)
@@ -166,7 +160,7 @@ def _rows(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
 
 def headline(run: Run) -> list[str]:
     """Say how often the object is named, how exactly it is placed, and what the paper prints beside."""
-    summary, word, readings = run.summary, "touch" if run.in_space else "reading", run.readings
+    summary, word, readings = run.summary, run.kind.touch, run.readings
     k = min(5, readings)
     low, high = summary["accuracy_low"][k - 1], summary["accuracy_high"][k - 1]
     line = f"right after {counted(k, word)}: {summary['accuracy'][k - 1]:.2f} (95 % interval {low:.2f}-{high:.2f})"
@@ -202,31 +196,12 @@ def print_places(run: Run, folder: Path) -> None:
     console.print(f"results  {folder}", soft_wrap=True)
     for picture in picture_names(run):
         console.print(f"picture  {folder / picture}", soft_wrap=True)
-    standard = "space-refined" if run.in_space else RunConfig.model_fields["estimator"].default
-    config = None if run.in_space else RunConfig(**run.config)
-    plain = config is not None and config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA
-    again = "bench run" if plain else "the same data with"
     nexts = [
         f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, what it mixes up, a trial"
     ]
-    if run.estimator != standard:
-        figure = _error_of_default() if paper.beside(run) else ""
-        nexts.append(f"{again} --estimator {standard}  # the default{figure}")
-    elif config is not None and config.pressed and config.explore == "random":
-        nexts.append(
-            f"{again} --explore information --readings 10  # it chooses the touches; --explore blind does not"
-        )
+    nexts += run.kind.nexts(run)
     for line in nexts:
         console.print(f"next     {line}", soft_wrap=True)
-
-
-def _error_of_default() -> str:
-    """Say how exactly the default estimator places the paper's letters, pressed as by default."""
-    from tactsim.bench.leaderboard.best_known import best_known
-
-    task = "letters-offgrid-v1"
-    best = best_known().get(task)
-    return f": {best.default:.2f} mm after 20 readings on task {task}" if best and best.default else ""
 
 
 def print_sweep(places: list[Path]) -> None:
@@ -253,54 +228,15 @@ def print_sweep(places: list[Path]) -> None:
 
 def details(run: Run) -> list[str]:
     """Say in a few lines when the letters were right, how sure the estimator was, how fast and with how much work."""
-    summary, word = run.summary, "touch" if run.in_space else "reading"
+    summary, word = run.summary, run.kind.touch
     last = f"{word} {run.readings}"
     return [
         f"95 % of the trials right and staying so{when(' by', summary['settled_95'], last)}, half"
         f"{when(' by', summary['settled_50'], last)} "
         f"({counted(len(run.trials.truth), 'trial')})",
-        *(_details_in_space(run) if run.in_space else _details_in_plane(run)),
+        *run.kind.details(run),
         f"work  {work_line(run.work)}",
     ]
-
-
-def _details_in_space(run: Run) -> list[str]:
-    summary, seconds, spent = run.summary, run.times["seconds"], run.trials.seconds.sum(axis=1)
-    hard = sorted(summary["by_object"].items(), key=lambda item: item[1]["accuracy"])[:3]
-    stages = (f"{stage} {seconds[stage]:.2f} s" for stage in ("scan", "fit", "trials") if stage in seconds)
-    return [
-        f"lowest accuracy at touch {run.readings}: "
-        + ", ".join(f"{label} {values['accuracy']:.2f}" for label, values in hard),
-        f"{100 * sum(summary['met']) / run.readings:.0f} % of the touches met the object",
-        f"time  {', '.join(stages)}; a recognition of {counted(run.readings, 'touch')} {spent.mean():.2f} s of one "
-        f"core, at most {spent.max():.2f} s",
-    ]
-
-
-def _details_in_plane(run: Run) -> list[str]:
-    seconds, readings, lines = run.times["seconds"], run.readings, list[str]()
-    if run.against_bound["bound_mm"][-1] is not None:
-        lines.append(
-            f"bound of the error at reading {readings} (Cramer and Rao): {run.against_bound['bound_mm'][-1]:.3f} mm"
-        )
-    if run.about["classifier_agreement"] is not None:
-        lines.append(
-            f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided taxels"
-        )
-    propose = seconds.get("propose_per_reading", 0)
-    lines.append(
-        "time  "
-        + ", ".join(
-            f"{stage} {seconds[stage]:.2f} s"
-            for stage in ("scan", "fit", "trials", "total")
-            if stage in seconds
-        )
-        + f"; update {1e3 * seconds['update_per_reading']:.3f} ms, the slowest of a hundred "
-        f"{1e3 * np.quantile(run.trials.update_s, 0.99):.3f} ms, "
-        f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
-        + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
-    )
-    return lines
 
 
 def _refused(run: Run) -> str:
@@ -334,18 +270,8 @@ def work_line(work: Mapping[str, Any]) -> str:
 
 def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
     """Lay out some readings or touches: the share that is right, its interval, and what else is known of them."""
-    values: Mapping[str, Any] = run.summary
-    columns = [("error_mm", "error mm", 2)]  # a curve, its heading and its digits
-    if run.in_space:
-        columns += [("error_median_mm", "median", 2)] * verbose + [("angle_deg", "degrees", 1)]
-        columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)] * verbose
-    else:
-        values = run.summary | run.against_bound
-        bounded = any(bound is not None for bound in values["bound_mm"])
-        sure = verbose and any(value is not None for value in values["sharpness_mm"])
-        columns += [("efficiency", "x bound", 2)] * bounded + [("error_all_mm", "all mm", 2)] * verbose
-        columns += [("sharpness_mm", "90 % in mm", 2), ("coverage_90", "held", 2)] * sure
-    heads = ("touches" if run.in_space else "readings", "right", "95 % interval")
+    values, columns = run.kind.table(run, verbose)  # curves; the name of each, its heading and its digits
+    heads = (run.kind.touches, "right", "95 % interval")
     table = plain_table(*heads, *(heading for _, heading, _ in columns), words=0)
     for row in rows:
         k = row - 1

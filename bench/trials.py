@@ -17,17 +17,19 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import groupby
 from time import process_time
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench import kinds
 from tactsim.bench.config import STILL, Slip
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.placement import Placement, certainty, poses_unknown, properties
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.errors import short
 from tactsim.core.forward import ForwardModel
-from tactsim.core.pad import OFFSET, offsets
+from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
 from tactsim.core.workers import batches, wait_for
@@ -42,18 +44,17 @@ class Touch(NamedTuple):
     """One touch of a trial.
 
     number: which of the trial's touches. reading: (taxels,) kPa, or its images (frames, taxels), or those of m pads (m,
-    taxels). sensor_in_robot: (3,), or of m pads (m, 7). start, met: of a touch in space, see `SpaceTrials`.
+    taxels). sensor_in_robot: (3,), or of m pads (m, 7). more: what trials of its kind hold of a touch beside that.
     """
 
     number: int
     reading: FloatArray
     sensor_in_robot: FloatArray
-    start: FloatArray | None = None
-    met: int = 1
+    more: Mapping[str, Any] = {}
 
 
 class Touches(Protocol):
-    """The touches of one trial, among which the next is chosen: `ListedTouches` in the plane, or `SolidTouches`."""
+    """The touches of one trial, among which the next is chosen; `ListedTouches` are those in the plane."""
 
     def shuffle(self, rng: np.random.Generator) -> None:
         """Take them in random order, where it is not random anyway."""
@@ -66,7 +67,7 @@ class Touches(Protocol):
 
 
 class Press(Protocol):
-    """What presses the touches of a trial on demand: `OnDemand` in the plane, `SolidPress` in space."""
+    """What presses the touches of a trial on demand; `OnDemand` does in the plane."""
 
     def touches(self, truth: str, trial: int, seed: int) -> Touches:
         """Offer the touches of one trial."""
@@ -158,9 +159,10 @@ class Trials:
     estimate (eq. 9, 14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
     (n, r, 3 or 7) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
     `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
-    update_s, estimate_s, propose_s: (n, r) seconds of processor time.
+    update_s, estimate_s, propose_s: (n, r) seconds of processor time. kind: of the run (`tactsim.bench.kinds`).
     """
 
+    kind: ClassVar[str] = PLANE
     truth: NDArray[np.str_]
     known: NDArray[np.bool_]
     trial: NDArray[np.int64]
@@ -215,18 +217,6 @@ class Trials:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class SpaceTrials(Trials):
-    """Trials with objects in space: poses are (7,), and touches, which are drawn as they come, are numbered from 0.
-
-    start: (n, r, 7) where each touch began, sensor_in_robot (of a hand: hand_in_robot). met: (n, r) how many pads met
-    the object.
-    """
-
-    start: FloatArray
-    met: NDArray[np.int64]
-
-
 def draw_true_pose(
     rng: np.random.Generator, offsets: float = OFFSET, *, poses_unknown: bool = False
 ) -> FloatArray:
@@ -242,19 +232,9 @@ def draw_true_pose(
     return np.array([x, y, rng.uniform(-np.pi, np.pi)])
 
 
-def hidden_pose(scan: Scan, rng: np.random.Generator) -> FloatArray:
-    """Draw robot_in_object where a trial hides its object: (3,) in the plane, or (7,) if the scan is in space."""
-    if not scan.in_space:
-        return draw_true_pose(rng, offsets(scan.taxel_xy), poses_unknown=poses_unknown(scan.meta))
-    from tactsim.solids.touching import draw_pose_in_space  # runs in the plane do without its room
-
-    return draw_pose_in_space(rng)
-
-
 def generator(seed: int, task: OneTrial, stream: int) -> np.random.Generator:
     """Make the generator of one trial; stream 0 draws pose and order, 1 is the estimator's, 2 moves the object.
 
-    In space 2 draws the touches that are offered, and 3 moves and disturbs the pad.
     It depends on its arguments alone. So the trials are the same in any order, in any number of processes and
     for any estimator.
     """
@@ -305,7 +285,8 @@ class _UnderWay:
     ) -> None:  # fmt: skip
         """Hide the object; see `run_trial`."""
         rng = generator(seed, task, 0)
-        first = hidden_pose(test, rng)
+        self._kind = kinds.load(test.kind)
+        first = self._kind.hide(test, rng)
         self._touches = (
             RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
         )
@@ -315,7 +296,7 @@ class _UnderWay:
         if not slip.still:
             self._true_pose = slip.poses(first, readings, generator(seed, task, 2))
         self.readings = readings
-        self._task, self._letters, self._of, self._in_space = task, letters, of, test.in_space
+        self._task, self._letters, self._of = task, letters, of
         self._taken: list[Touch] = []
         self._label: list[str] = []
         measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s", "propose_s")
@@ -367,10 +348,9 @@ class _UnderWay:
             "pose": self._pose[None], "evaluations": self._evaluations[None],
             **{name: values[None] for name, values in self._numbers.items()},
         }  # fmt: skip
-        if not self._in_space:
-            return Trials(**columns)
-        starts, met = np.array([[touch.start for touch in taken]]), np.array([[touch.met for touch in taken]])
-        return SpaceTrials(**columns, start=starts, met=met)
+        for field in fields(self._kind.trials)[len(fields(Trials)) :]:
+            columns[field.name] = np.array([[touch.more[field.name] for touch in taken]])
+        return self._kind.trials(**columns)
 
 
 def run_trial(
@@ -392,7 +372,7 @@ def run_trial(
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
     the letter's properties, for the metric of its placement.
     Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
-    They are the test readings, or those of `press`: in the robot's frame, or around a solid. slip: how
+    They are the test readings, or those of `press`. slip: how
     the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
     pose at that touch. observe(estimate, touch) is called after each touch, and its time does not count. Times are
     of this process's processor time, so that other programs on the machine do not count.

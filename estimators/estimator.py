@@ -17,7 +17,8 @@ from tactsim.core.checking import Settings
 from tactsim.core.errors import short, was_interrupt
 from tactsim.core.finite import LARGEST, finite
 from tactsim.core.forward import ForwardModel
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import POSE, FloatArray
+from tactsim.core.rigid import POSE as POSE_IN_SPACE
 
 NONE = "none"  # the label of an object that is none of the known letters
 
@@ -102,8 +103,9 @@ class Estimator(ABC):
     budget: str | None = None
     # Whether the rng of `reset` changes what is estimated.
     draws: bool = True
-    # Whether it recognises objects in space: it fits a `SpaceScan`, and poses are (7,).
-    in_space: bool = False
+    # The kind of run that it is for (`bench.kinds`), which is that of the scans that it fits, and a pose's numbers.
+    kind: str = "plane"
+    pose: tuple[str, ...] = POSE
     # Whether it wants to press: `bring` is then called before `fit`.
     uses_forward_model: bool = False
     # The registered name that `create` made it by, if it did.
@@ -240,7 +242,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
     Probabilities are finite, not negative and sum to 1 within 1e-6; no letter is more probable, by 1e-6, than the one
     that is named, unless that is NONE; the pose is finite.
     """
-    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "in_space", False))
+    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "pose", POSE))
     if fault is not None:
         kind = type(estimator)
         raise InputError(
@@ -248,7 +250,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
         )
 
 
-def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) -> str | None:
+def _fault_of_estimate(estimate: Any, letters: Sequence[str], numbers: tuple[str, ...]) -> str | None:
     if not (isinstance(estimate, Estimate) and isinstance(estimate.probabilities, Mapping)):
         return f"is {short(estimate)}, no Estimate with a table of probabilities"
     strange = [label for label in (estimate.label, *estimate.probabilities) if label not in letters]
@@ -256,7 +258,7 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) ->
         return f"names {short(strange[0])}, which is no letter that it was fitted to"
     if estimate.label not in estimate.probabilities:
         return f"gives its own letter {estimate.label} no probability"
-    length, kind = (7, "[x, y, z, qw, qx, qy, qz]") if in_space else (3, "[x, y, theta]")
+    length, kind = len(numbers), f"[{', '.join(numbers)}]"
     if estimate.robot_in_object is None:
         return f"has no pose: robot_in_object is None, and no finite {kind}"
     try:
@@ -272,7 +274,7 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], in_space: bool) ->
         return f"names {estimate.label} (p = {own:.4g}), and {best} is more probable (p = {p.max():.4g})"
     if pose.shape != (length,) or not (np.abs(pose) <= LARGEST).all():
         return f"has the pose {short(pose.tolist())}, which is no finite {kind} up to {LARGEST:g}"
-    if in_space and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
+    if numbers == POSE_IN_SPACE and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
         return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"
     samples = estimate.samples
     if samples is None:

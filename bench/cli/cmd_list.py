@@ -69,6 +69,7 @@ def command(
 
 
 def _estimators() -> list[Row]:
+    from tactsim.bench.kinds import PLANE
     from tactsim.estimators.registry import listing, load
 
     rows: list[Row] = []
@@ -76,7 +77,7 @@ def _estimators() -> list[Row]:
         try:
             kind = load(entry.name)
             said = f"; budget: {kind.budget}" if kind.budget else ""
-            said += "; of objects in space" if kind.in_space else ""
+            said += f"; of {kind.kind}" if kind.kind != PLANE else ""
         except InputError:
             said = ""  # its status says why
         rows.append((entry.name, entry.status, entry.summary + said))
@@ -120,9 +121,9 @@ def _scan_options() -> list[Row]:
 
 
 def _solid_options() -> list[Row]:
-    from tactsim.solids import SpaceOptions
+    from tactsim.bench import kinds
 
-    return [("--scan-set NAME=VALUE", "default", ""), *_fields(SpaceOptions)]
+    return [("--scan-set NAME=VALUE", "default", ""), *_fields(kinds.load("solids").scan_options)]
 
 
 def _slip() -> list[Row]:
@@ -132,12 +133,14 @@ def _slip() -> list[Row]:
 
 
 def _metrics() -> list[Row]:
-    from tactsim.bench.score import CURVES, HEADLINES, SPACE_METRICS
+    from tactsim.bench import kinds
+    from tactsim.bench.score import CURVES, HEADLINES
 
-    return [
-        (name, "of solids" if name in SPACE_METRICS else "", metric.description)
-        for name, metric in (CURVES | HEADLINES | SPACE_METRICS).items()
-    ]
+    rows = [(name, "", metric.description) for name, metric in (CURVES | HEADLINES).items()]
+    for kind in kinds.names():
+        own = kinds.load(kind).metrics
+        rows += [(name, f"of {kind}", metric.description) for name, metric in own.items()]
+    return rows
 
 
 def _suites() -> list[Row]:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tactsim.bench import kinds
 from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
-from tactsim.bench.config import SOLIDS, RunConfig, any_config, run_config
+from tactsim.bench.config import RunConfig, any_config, run_config
 from tactsim.core.errors import InputError, counted, unknown
 
 if TYPE_CHECKING:
@@ -74,11 +75,10 @@ def command(
     words = {
         name: value for name, value in words.items() if is_typed(context, name)
     }  # a task says the others
-    of_space = {"objects": objects, "touches": touches, "hand": hand}
-    if words.get("task") == SOLIDS:
-        words |= {name: value for name, value in of_space.items() if value is not None}
-    else:
-        refuse_typed(context, of_space, shared.OUTSIDE)
+    others = {"objects": objects, "touches": touches, "hand": hand}
+    known = kinds.of_task(words.get("task")).config.model_fields
+    refuse_typed(context, [name for name in others if name not in known], shared.OUTSIDE)
+    words |= {name: value for name, value in others.items() if value is not None}
     device = "emulated" if port is None else words.pop("pad", "emulated")
     if port is not None or "presses" in words:
         words = {**_BY_HAND, **words}
@@ -140,8 +140,8 @@ def _print_shapes(config: RunConfig, console: Console) -> None:
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
     from tactsim.bench.config import chosen_letters
-    from tactsim.bench.experiment import train_scan
     from tactsim.bench.pad.measuring import Wanted, check_pads, count_measured, measure
+    from tactsim.bench.plane import train_scan
     from tactsim.bench.trials import fit
     from tactsim.estimators import create
     from tactsim.press import forward_model

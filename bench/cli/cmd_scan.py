@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from tactsim.bench import kinds
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.words import Words, dotted, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import ScanWords, scan_options, slip_of_world
@@ -46,7 +47,16 @@ def command(
     if task is not None:
         refuse_typed(context, ["sequence"], "is for letters in the plane; leave it out with --task solids")
         typed = {name: value for name, value in words.items() if is_typed(context, name)}
-        _scan_solids(typed | {"task": task} | ({} if objects is None else {"objects": objects}), out)
+        if objects is not None:
+            typed["objects"] = objects
+        kind = kinds.load(task)
+        with progress_bars() as progress:
+            scan, work = kind.scanned(typed, jobs=jobs, cache=cache, progress=progress)
+        scan.save(out)
+        plain_console().print(
+            f"{len(scan):,} {kind.touches} of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
+            f"work  {work_line(work)}"
+        )
         return
     refuse_typed(context, ["objects"], shared.OUTSIDE)
     options = scan_options(**words)
@@ -76,19 +86,3 @@ def command(
     if scan.sequence_times is not None:
         lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
     plain_console().print("\n".join(lines))
-
-
-def _scan_solids(words: Words, out: Path) -> None:
-    from tactsim.bench.console import plain_console
-    from tactsim.bench.terminal import progress_bars, work_line
-    from tactsim.solids import scan_solids
-    from tactsim.solids.config import scan_words
-
-    options = scan_words(**words).scan_options
-    with progress_bars() as progress:
-        scan, work = scan_solids(options, progress=lambda done, total: progress("press", done, total))
-    scan.save(out)
-    plain_console().print(
-        f"{len(scan):,} touches of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, in {out}\n"
-        f"work  {work_line(work)}"
-    )

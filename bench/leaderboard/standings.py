@@ -28,9 +28,10 @@ from tactsim.bench.runs.pooled import CURVES, READINGS, Figure, Pooled
 from tactsim.bench.score import CURVES as METRICS
 from tactsim.bench.score import HEADLINES, Scored, recognition_seconds
 from tactsim.bench.tasks import Task, names, task
-from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator, offsets
+from tactsim.bench.trials import OneTrial, Progress, Trials, draw_true_pose, generator
 from tactsim.core import InputError, Pad
 from tactsim.core.checking import checked
+from tactsim.core.pad import offsets
 from tactsim.core.provenance import statements
 
 OTHER_TRIALS = "its trials are not the task's"

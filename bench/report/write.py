@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
-from tactsim.bench.experiment import NO_BOUND, silent
+from tactsim.bench.experiment import silent
 from tactsim.bench.places import check_page, is_report
+from tactsim.bench.plane import NO_BOUND
 from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import COLUMNS, tables
 from tactsim.bench.report.page import page
@@ -61,13 +62,21 @@ def write_pages(
     if out.is_dir():
         raise InputError(f"cannot write {out}: it is a folder; name a file in it")
     runs = list(runs)
-    in_space = [run.in_space for _, run in runs]
-    if any(in_space):
-        if not all(in_space):
-            raise InputError("a report is of runs in the plane or of runs with objects in space; make two")
-        from tactsim.solids.page import write_space_page
+    several = list(dict.fromkeys(run.kind.name for _, run in runs))
+    if len(several) > 1:
+        raise InputError(f"a report is of runs of one kind, and these are {' and '.join(several)}; make two")
+    return runs[0][1].kind.page(runs, out, list(remarks), each_seed=each_seed, progress=progress)
 
-        return write_space_page({folder.name: run for folder, run in runs}, out, remarks, progress=progress)
+
+def write_plane_pages(
+    runs: Sequence[tuple[Path, Run]],
+    out: Path,
+    remarks: Sequence[str],
+    *,
+    each_seed: bool,
+    progress: Progress,
+) -> tuple[list[Path], list[str]]:
+    """Make the report of runs with letters in the plane; see `write_pages`."""
     scans: dict[str, Scan] = {}
     groups = collect(((folder, _with_bounds(run, scans)) for folder, run in runs), pool_seeds=not each_seed)
     prefix = "" if out.stem == "report" else f"{out.stem}-"

@@ -8,12 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel
-
 from tactsim.bench.config import flat
 from tactsim.bench.results import Run
 from tactsim.core.checking import checked
-from tactsim.press import WORLDS, ScanOptions
+from tactsim.press import WORLDS
 
 
 class Budget(NamedTuple):
@@ -58,13 +56,14 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):
-        standard = _standard(run)
+        standard = run.kind.scan_options()
         stated = checked(
             type(standard), run.about["scan"].get("options", {}), "the options of the run's scan"
         )
         other |= _differing(*(flat(options.model_dump(mode="json")) for options in (stated, standard)))
-        if other.get("shapes"):
-            other["shapes"] = _in_folder(other["shapes"])
+        files = next((name for name in ("shapes", "meshes") if other.get(name)), None)
+        if files is not None:  # of the user's own; that there is nothing beside them goes without saying
+            other[files] = _in_folder(other[files])
             other = {
                 name: value for name, value in other.items() if name not in ("letters", "objects") or value
             }
@@ -83,15 +82,6 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config["seed"] != 0 and with_seed:
         words.append(f"seed {config['seed']}")
     return ", ".join([*words, *(f"{name} {_word(value)}" for name, value in other.items())]) or "defaults"
-
-
-def _standard(run: Run) -> BaseModel:
-    """Give the options of a scan by default."""
-    if not run.in_space:
-        return ScanOptions()
-    from tactsim.solids import SpaceOptions
-
-    return SpaceOptions()
 
 
 def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import budget
 
@@ -79,7 +80,7 @@ def beside(run: Run) -> Printed | None:
 
     That is, of other objects than the paper's, with one held out, or where the estimator chooses where to touch.
     """
-    if run.in_space or sorted(run.letters) != list(LETTERS) or run.config["hold_out"]:
+    if run.kind.name != PLANE or sorted(run.letters) != list(LETTERS) or run.config["hold_out"]:
         return None
     return (of_filter(run) or BEST) if run.config["explore"] == "random" else None
 

@@ -302,7 +302,7 @@ def _told_apart(one: Pooled, pools: Sequence[Pooled]) -> Pooled:
     alike = [of for of in pools if (of.protocol, of.task, of.label) == (one.protocol, one.task, one.label)]
     mark = []
     if len({of.readings for of in alike}) > 1:
-        mark.append(counted(one.readings, "touch" if one.run.in_space else "reading"))
+        mark.append(counted(one.readings, one.run.kind.touch))
     if len({of.run.config["trials"] for of in alike}) > 1:
         mark.append(counted(one.run.config["trials"], "trial"))
     return replace(one, mark=", ".join(mark))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.stress.case import Worst
 from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Pad, Scan, compose, invert
@@ -69,7 +70,7 @@ def every_estimator(
         except InputError:
             continue  # a broken plug-in, of which `bench list` says so
         options = {} if kind.budget is None else {kind.budget: budget}
-        if not (kind.in_space or (learning and kind.uses_forward_model)):
+        if not (kind.kind != PLANE or (learning and kind.uses_forward_model)):
             found.append((name, options))
     return found
 

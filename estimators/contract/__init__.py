@@ -9,11 +9,8 @@ Lives here: the checks, and the readings of bars that they are made with. A test
     @pytest.mark.parametrize("check", CHECKS)
     def test_contract(check, case):
         check(case)
-
-and one of an estimator in space, `SpaceCase(make, scan)` with SPACE_CHECKS.
 """
 
 from tactsim.estimators.contract.checks import CHECKS, Case
-from tactsim.estimators.contract.space_case import SPACE_CHECKS, SpaceCase
 
-__all__ = ["CHECKS", "SPACE_CHECKS", "Case", "SpaceCase"]
+__all__ = ["CHECKS", "Case"]

@@ -102,6 +102,7 @@ class Scan:
 
     # What differs of a scan in space, see `space_scan`: the numbers of a pose, the arrays of a file, which of them have
     # an entry a reading, and the command that makes one.
+    kind: ClassVar[str] = "plane"  # of run, that such readings are for (`tactsim.bench.kinds`)
     POSE: ClassVar[tuple[str, ...]] = POSE
     _ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
     _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + _OF_PRESSES
@@ -249,11 +250,6 @@ class Scan:
         return tuple(dict.fromkeys(self.labels.tolist()))
 
     @property
-    def in_space(self) -> bool:
-        """Tell whether poses are those of objects in space, of seven numbers."""
-        return len(self.POSE) == 7
-
-    @property
     def about(self) -> dict[str, Any]:
         """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
         return statements(self.meta)
@@ -359,9 +355,9 @@ class Scan:
         at x and y uniform in +-10 mm (in proportion to the pad) and at any angle (paper, section IV), and takes
         readings of it without replacement.
 
-        Raises InputError for a scan in space, a number below 1, and an object with fewer readings.
+        Raises InputError for a scan of another kind, a number below 1, and an object with fewer readings.
         """
-        if self.in_space:
+        if self.kind != "plane":
             raise InputError("scan: batches are of objects in the plane")
         half = self.where(split)
         letter = np.array([self.letters.index(label) for label in half.labels.tolist()], dtype=np.int64)

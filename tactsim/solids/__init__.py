@@ -3,8 +3,8 @@
 Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `solid_files`, `symmetry`.
 How it is touched: `press` over `pad_lattice` and `touch_kernels`, `scanning`, hands of several pads (`pads_on_hand`).
 How it is recognised: maps of surfaces on voxels, what a touch says of a pose (`learning`, `field`, `refined`).
-How it is run and scored: `config`, `touching`, `runner`, `surface_distance`, `pictures`, `page`. The core imports none
-of it. Names are imported when they are first used.
+How it is run and scored: `kind`, which the harness finds by name, `config`, `touching`, `score`, `surface_distance`,
+`pictures`, `page`. The core imports none of it. Names are imported when they are first used.
 """
 
 from importlib import import_module

@@ -7,11 +7,11 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import SOLIDS, Flags, Noise, as_paths, merged, nested, whole_number
+from tactsim.bench.config import Flags, Noise, as_paths, merged, nested, whole_number
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 
@@ -35,7 +35,7 @@ class SpaceWords(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
-    task: Literal["solids"] = SOLIDS
+    task: Literal["solids"] = "solids"
     objects: Annotated[tuple[str, ...] | None, BeforeValidator(_objects)] = Field(
         None,
         description="Which objects: bolt,nut,key, or 30 for the first thirty, or none beside shapes. Default: 12.",
@@ -66,6 +66,7 @@ class SpaceWords(BaseModel):
 class SpaceConfig(SpaceWords):
     """One run with objects in space: an estimator, and how it is tried."""
 
+    kind: ClassVar[str] = "solids"
     estimator: str = "space-refined"
     set: dict[str, Any] = {}
     trials: int = Field(200, ge=1, le=1_000_000)
@@ -123,7 +124,7 @@ def check_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> 
     for name in given:
         if name not in model.model_fields:
             use = f"; use {instead[name]}" if name in instead else "; leave it out"
-            raise InputError(f"--{name.replace('_', '-')} is not for {verb} --task {SOLIDS}{use}")
+            raise InputError(f"--{name.replace('_', '-')} is not for {verb} --task solids{use}")
 
 
 def space_config(**words: Any) -> SpaceConfig:

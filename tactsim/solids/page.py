@@ -18,7 +18,7 @@ from tactsim.bench.report.page import Arrays
 from tactsim.bench.report.recognition import trials_to_show
 from tactsim.bench.results import Run
 from tactsim.bench.score import Scored
-from tactsim.bench.trials import Progress, SpaceTrials, Touch, TrialPlan, run_trial
+from tactsim.bench.trials import Progress, Touch, TrialPlan, run_trial
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, counted
@@ -27,6 +27,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate
 from tactsim.estimators.estimator import no_exit
 from tactsim.solids.config import SpaceConfig
+from tactsim.solids.score import SpaceTrials, angle
 from tactsim.solids.surface_distance import drawn_evenly
 
 _REPORT, _SPACE = "report/assets/", "/solids/assets/"
@@ -140,7 +141,7 @@ def _trial(name: str, run: Run, of: Replayed, labels: Sequence[str], arrays: Arr
         "label": trials.label[0].tolist(),
         "met": trials.met[0].tolist(),
         "error": listed(np.where(trials.named, scored.error, np.nan)[0]),
-        "angle": listed(np.degrees(np.where(trials.named, scored.angle, np.nan))[0]),
+        "angle": listed(np.where(trials.named, angle(scored), np.nan)[0]),
         "probabilities": [
             [0.0 if at is None else round(float(row[at]), 5) for at in place] for row in of.probabilities
         ],

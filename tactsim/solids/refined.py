@@ -78,7 +78,8 @@ class SpaceRefinedFilter(Estimator):
     the particles go on where enough of them count; else modes are climbed to from them alone.
     """
 
-    in_space = True
+    kind = "solids"
+    pose = rigid.POSE
     options_type = SpaceRefinedOptions
     options: SpaceRefinedOptions
     budget = "cells"

@@ -37,6 +37,7 @@ class SpaceScan(Scan):
     taxel_normals: FloatArray = field(kw_only=True)
     touch: NDArray[np.intp] = field(kw_only=True)
 
+    kind: ClassVar[str] = "solids"
     POSE: ClassVar[tuple[str, ...]] = POSE
     _ARRAYS: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "taxel_points", "taxel_normals", "touch",

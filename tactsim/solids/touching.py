@@ -140,4 +140,9 @@ class SolidTouches:
         rng = np.random.default_rng(self._disturb.integers(2**63))
         touched = self._press.touch(self._truth, rigid.compose(robot_in_object, start), rng)
         sensors_in_robot = rigid.compose(rigid.invert(robot_in_object), touched.stated)
-        return Touch(number, touched.readings, sensors_in_robot, start, int(np.count_nonzero(touched.met)))
+        return Touch(
+            number,
+            touched.readings,
+            sensors_in_robot,
+            {"start": start, "met": int(np.count_nonzero(touched.met))},
+        )

@@ -3,10 +3,10 @@
 import numpy as np
 
 from tactsim.bench.results import Run
-from tactsim.bench.trials import SpaceTrials
 from tactsim.core import rigid
 from tactsim.solids.config import SpaceConfig
 from tactsim.solids.page import Replayed
+from tactsim.solids.score import SpaceTrials
 from tactsim.solids.surface_distance import Surface
 
 OBJECTS = ("wedge", "block")

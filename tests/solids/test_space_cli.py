@@ -13,7 +13,6 @@ from tactsim.bench.results import load
 from tactsim.core import InputError
 from tactsim.estimators import registry
 from tactsim.solids.config import space_config
-from tactsim.solids.runner import perform_in_space
 from tactsim.solids.solid_scan import SpaceScan
 
 SMALL = ["--objects", "nut,egg,key", "--scan-set", "points=16", "--scan-set", "tests=4"]
@@ -85,19 +84,19 @@ def test_worker_processes_do_the_same_trials(hand):
 def test_python_does_what_the_command_line_does():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 2, "touches": 2, "scan_set": {"points": 8}}
     run = tactsim.run(task="solids", **words)
-    assert np.array_equal(run.trials.pose, perform_in_space(space_config(**words)).trials.pose)
-    assert run.in_space
+    assert np.array_equal(run.trials.pose, perform(space_config(**words)).trials.pose)
+    assert run.kind.name == "solids"
     own = tactsim.run(
         task="solids", **(words | {"estimator": tactsim.create("alike")})
     )  # made with its options
     assert np.array_equal(own.trials.pose, run.trials.pose)
-    with pytest.raises(InputError, match="the scan is of objects in space; save it, and give its file"):
+    with pytest.raises(InputError, match="the scan is of solids; save it, and give its file"):
         tactsim.run(scan=run.plan.scan)
 
 
 def test_runs_in_the_plane_and_in_space_share_no_comparison_and_no_page(here):
     plane, space = (Path(__file__).parents[1] / "fixtures" / "v0.1" / name for name in ("run", "solids"))
-    refused(here("compare", plane, space), "other of objects in space")
+    refused(here("compare", plane, space), "the other of kind solids")
     refused(here("report", plane, space, "--out", "page.html"), "make two")
 
 

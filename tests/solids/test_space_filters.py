@@ -10,9 +10,9 @@ from synthetic import make_scan
 
 from tactsim import estimators
 from tactsim.core import InputError, rigid
-from tactsim.estimators.contract import SPACE_CHECKS, SpaceCase
 from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.solids import pose_search
+from tactsim.solids.contract import SPACE_CHECKS, SpaceCase
 from tactsim.solids.surface import surface_of
 from tactsim.solids.touch_points import PointReader
 from tactsim.solids.voxels import sparse

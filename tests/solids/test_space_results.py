@@ -9,8 +9,8 @@ from made_up_space import make_space_run
 from tactsim.bench import formats
 from tactsim.bench.results import load
 from tactsim.bench.runs.naming import task_name
-from tactsim.bench.trials import SpaceTrials
 from tactsim.core import InputError
+from tactsim.solids.score import SpaceTrials
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_a_run_is_read_back_to_the_bit(folder, tmp_path):
     for label, surface in run.objects.items():
         assert np.array_equal(again.objects[label].vertices, surface.vertices)
         assert np.array_equal(again.objects[label].points, surface.points)
-    assert again.in_space
+    assert again.kind.name == "solids"
     assert again.save(tmp_path / "again")
     for path in folder.iterdir():
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name
@@ -58,6 +58,6 @@ def test_a_folder_that_is_not_whole_is_refused_in_one_line(folder, missing):
 
 def test_own_meshes_alone_are_called_by_their_files():
     run = make_space_run()
-    scan = {"options": {"objects": [], "shapes": ["parts/plate.stl"]}}
+    scan = {"options": {"objects": [], "meshes": ["parts/plate.stl"]}}
     run = replace(run, about=run.about | {"scan": scan})
-    assert task_name(run) == "shapes parts/plate.stl"
+    assert task_name(run) == "meshes parts/plate.stl"

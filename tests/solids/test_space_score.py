@@ -6,6 +6,7 @@ from made_up_space import make_space_run, make_space_trials
 
 from tactsim.bench.score import Scored, summarise
 from tactsim.core import rigid
+from tactsim.solids.score import angle
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +24,8 @@ def test_errors_are_mean_distances_of_surface_points_and_angles(run):
                 for pose in (trials.pose[i, k], trials.true_pose[i, k])
             )
             assert scored.error[i, k] == pytest.approx(np.linalg.norm(at - other, axis=1).mean(), abs=1e-9)
-            assert scored.angle[i, k] == pytest.approx(
-                rigid.angle_between(trials.pose[i, k, 3:], trials.true_pose[i, k, 3:])
+            assert angle(scored)[i, k] == pytest.approx(
+                np.degrees(rigid.angle_between(trials.pose[i, k, 3:], trials.true_pose[i, k, 3:]))
             )
 
 

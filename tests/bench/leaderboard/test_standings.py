@@ -13,9 +13,10 @@ from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.site import command
 from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
+from tactsim.bench.plane import Plane
 from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
-from tactsim.bench.trials import OneTrial, generator, hidden_pose
+from tactsim.bench.trials import OneTrial, generator
 from tactsim.core import Pad, Scan
 
 TASK = "active-v1"
@@ -107,7 +108,7 @@ def test_trials_on_a_recording_are_hidden_as_its_pad_and_poses_say(tmp_path, pos
 
     def recorded(run):
         of = zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
-        hidden = np.array([hidden_pose(scan, generator(run.seed, OneTrial(*one), 0)) for one in of])
+        hidden = np.array([Plane().hide(scan, generator(run.seed, OneTrial(*one), 0)) for one in of])
         trials = replace(run.trials, true_pose=np.repeat(hidden[:, None], run.readings, axis=1))
         return replace(run, trials=trials, about=run.about | {"scan": meta})
 

@@ -1,4 +1,4 @@
-"""An estimator in space to check, and which of the checks it keeps."""
+"""The contract of an estimator of objects in space: `SpaceCase(make, scan)`, and those of its checks that it keeps."""
 
 from __future__ import annotations
 
