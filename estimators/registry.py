@@ -50,9 +50,9 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.baselines.bag_of_features:BagOfFeatures",
         "baseline without poses: how often a letter gives each kind of reading",
     ),
-    "spectrum": (
-        "tactsim.estimators.baselines.spectrum:Spectrum",
-        "baseline without poses: the spectrum of whole presses, whatever their turn, and a linear classifier",
+    "whole-image": (
+        "tactsim.estimators.baselines.whole_image:WholeImage",
+        "baseline without poses: images of whole presses, as they lie or whatever their turn, and a kernel machine",
     ),
     "space-refined": (
         "tactsim.solids.refined:SpaceRefinedFilter",
@@ -65,6 +65,7 @@ _GIVEN_UP = {
     "tempered": "take refined, which is better in every figure",
     "scan-matching": "take refined, which is better in every figure",
     "space-tempered": "take space-refined",
+    "spectrum": "take whole-image, which also tells mirror images apart",
     "mlp": "install the plug-in examples/mlp, which brings it",
 }
 

@@ -10,7 +10,7 @@ NOT_SHOWING = (
     "synthesis",
     "nearest",
     "bag-of-features",
-    "spectrum",
+    "whole-image",
     "space-refined",
 )
 SHOWING = [name for name in estimators.names() if name not in NOT_SHOWING]

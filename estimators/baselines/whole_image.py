@@ -1,0 +1,178 @@
+"""A baseline for whole presses: what an image looks like, with and without its turn, and a kernel machine on it."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import inv, solve
+
+from tactsim.core import Scan
+from tactsim.core.idle import find_idle
+from tactsim.core.pad import pitch
+from tactsim.core.poses import FloatArray
+from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
+from tactsim.estimators.estimator import check_order
+from tactsim.estimators.likelihoods.folds import FOLDS, can_leave_out
+
+_RADII, _ANGLES, _HARMONICS = 24, 36, 6
+_FLOOR = 1e-3  # of the mean sum of a reading: amplitudes below count as that
+_BLUR = 1.0  # standard deviation of the blur of images, in pitches
+# What is chosen among, by left-out presses: how much the two views count, squared width of the kernel in medians of the
+# squared distance, ridge, and the power of the probabilities.
+_VIEWS = {"as it lies": (1.0, 0.0), "whatever its turn": (0.0, 1.0), "both": (0.5, 0.5)}
+_WIDTHS = (0.25, 1.0, 4.0)
+_RIDGES = tuple(10.0**power for power in range(-4, 2))
+_SHARPNESS = 2.0 ** np.arange(0, 7.5, 0.5)
+# The first of so many readings, evenly spread over their order; more are fitted, and more than that are left out.
+_CHOSEN_ON, _FITTED = 800, 4000
+# A spread, and a squared distance, that rounding makes.
+_SAME = 1e-6
+# The probability that a reading says nothing of the letter, whatever the classifier makes of it.
+_OUTLIER = 0.01
+
+
+class WholeImage(ReadingClassifier):
+    """Name the letter of each reading by its image, and multiply the probabilities (naive Bayes).
+
+    Two views are taken of an image, both of its Fourier transform at radii from one to a period of two taxels, all the
+    way around; it is evaluated at the taxels' places, so a pad may have any shape. *As it lies*: the transform about
+    the centroid of pressure, blurred by one pitch, of unit length; by Parseval's theorem two such views are as far
+    apart as the images, shifted onto each other. *Whatever its turn*: of each radius the amplitudes of the harmonics,
+    over the angle, of the amplitudes, which change neither where the object is shifted nor turned (cf. Reddy and
+    Chatterji 1996) nor mirrored; their logarithms have zero mean and unit variance.
+
+    A ridge regression on Gaussian kernels of the first view, of the second, or of the mean of both gives a score for
+    each letter (least-squares support vector machine, Suykens and Vandewalle 1999). Left-out presses choose which, the
+    width, the ridge, and the power of the probabilities (temperature, Guo et al. 2017). So whether the orientation of
+    an object says anything is learned from the training readings alone.
+
+    A press must hold all of an object: windows of it have images of their own.
+
+    view: which one was chosen. sharpness: the power.
+    """
+
+    def fit(self, scan: Scan) -> None:
+        """Learn the views' weights, the kernel and the scores from the training readings."""
+        train = scan.where("train")
+        check_order(len(train) > 0, "a train reading", "fit")
+        self._started = False
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
+        self._idle = find_idle(train.readings, train.presses)
+        self._see(train)
+        if len(train) > _FITTED:
+            train = train.chosen(_evenly(len(train), _FITTED))
+        letter = np.array([self.labels.index(label) for label in train.labels.tolist()])
+        wanted = np.eye(len(self.labels))[letter]
+        self._known = self._views(train.readings)
+        some = _evenly(len(train), _CHOSEN_ON)
+        squares = _squares(*[(view[some], view[some]) for view in self._known])
+        between = np.triu_indices(len(some), 1)
+        self._scale = [
+            max(float(np.median(one[between])), _SAME) if len(some) > 1 else 1.0 for one in squares
+        ]
+        self._choose(squares, wanted[some], _parts(train, letter)[some] if can_leave_out(train) else None)
+        kernel = self._kernel(_squares(*[(view, view) for view in self._known]), self.view, self._width)
+        kernel.flat[:: len(kernel) + 1] += self._ridge
+        self._weights = solve(kernel, wanted, assume_a="pos")
+
+    def _see(self, train: Scan) -> None:
+        """Learn at which waves the pad is seen, and what is the mean and spread of the second view."""
+        self._xy = train.taxel_xy - (train.taxel_xy.min(axis=0) + train.taxel_xy.max(axis=0)) / 2
+        apart = pitch(train.taxel_xy) or 1.0  # mm; a single taxel feels all waves alike
+        widest = float(np.hypot(*np.ptp(train.taxel_xy, axis=0))) + apart
+        radius = 2 * np.pi * np.geomspace(1 / widest, 0.5 / apart, _RADII)
+        angle = np.arange(_ANGLES) * np.pi / _ANGLES  # the other half is its complex conjugate
+        wave = radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        self._wave = wave.reshape(-1, 2)
+        self._phase = np.exp(-1j * (self._xy @ self._wave.T))
+        # A wave stands for an area that grows as the square of its radius.
+        self._blur = np.repeat(radius * np.exp(-((radius * _BLUR * apart) ** 2) / 2), _ANGLES)
+        rise = self._idle.rise(train.readings)
+        self._floor = _FLOOR * float(np.abs(rise).sum(axis=1).mean()) or 1.0
+        self._mean, self._spread = 0.0, 1.0
+        turned = self._views(train.readings)[1]
+        self._mean, spread = turned.mean(axis=0), turned.std(axis=0)
+        self._spread = np.where(spread > _SAME, spread, 1.0)
+
+    def _views(self, readings: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See readings (n, taxels) as they lie, (n, 2 * waves), and whatever their turn, (n, 1 + radii * harmonics)."""
+        rise = self._idle.rise(readings)
+        seen = rise @ self._phase
+        pressed = rise.clip(min=0)
+        centroid = pressed @ self._xy / np.maximum(pressed.sum(axis=1, keepdims=True), self._floor)
+        lying = seen * np.exp(1j * (centroid @ self._wave.T)) * self._blur
+        lying /= np.maximum(np.linalg.norm(lying, axis=1, keepdims=True), 1e-12)
+        amplitude = np.abs(seen).reshape(len(rise), _RADII, _ANGLES)
+        harmonics = np.abs(np.fft.rfft(amplitude, axis=2))[:, :, :_HARMONICS].reshape(len(rise), -1) / _ANGLES
+        total = np.abs(rise.sum(axis=1, keepdims=True))
+        turned = np.log(np.concatenate([total, harmonics], axis=1) + self._floor)
+        return np.concatenate([lying.real, lying.imag], axis=1), (turned - self._mean) / self._spread
+
+    def _kernel(self, squares: list[FloatArray], view: str, width: float) -> FloatArray:
+        """Give the kernel of readings at squared distances (n, m) in each view; its constant stands for intercepts."""
+        total = np.ones_like(squares[0])
+        for weight, one, scale in zip(_VIEWS[view], squares, self._scale, strict=True):
+            if weight:
+                total += weight * np.exp(one / (-width * scale))
+        return total
+
+    def _choose(self, squares: list[FloatArray], wanted: FloatArray, part: NDArray[np.intp] | None) -> None:
+        """Choose what foretells left-out presses best: view, width, ridge and sharpness; `part` is that of a reading.
+
+        The scores of a part that is left out follow from the inverse of all of the kernel.
+        """
+        self.view, self._width, self._ridge, self.sharpness = "both", 1.0, 0.01, 4.0
+        if part is None:  # no object was pressed twice, so no press is foretold by others
+            return
+        best = -np.inf
+        parts = [np.flatnonzero(part == number) for number in np.unique(part)]
+        for view, width in product(_VIEWS, _WIDTHS):
+            kernel = self._kernel(squares, view, width)
+            for ridge in _RIDGES:
+                inverse = inv(kernel + ridge * np.eye(len(kernel)), overwrite_a=True, check_finite=False)
+                weights, scores = inverse @ wanted, wanted.copy()
+                for own in parts:
+                    scores[own] -= solve(inverse[np.ix_(own, own)], weights[own], assume_a="pos")
+                for sharpness in _SHARPNESS:
+                    says = float((_log_p(sharpness * scores) * wanted).sum())
+                    if says > best:
+                        best = says
+                        self.view, self._width, self._ridge = view, width, ridge
+                        self.sharpness = float(sharpness)
+
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
+        views = self._views(reading[None])
+        squares = _squares(*[(view, known) for view, known in zip(views, self._known, strict=True)])
+        self._evaluated += 1
+        return _log_p(self.sharpness * self._kernel(squares, self.view, self._width) @ self._weights)[0]
+
+
+def _evenly(count: int, most: int) -> NDArray[np.intp]:
+    """Choose at most `most` of `count` readings, evenly spread over their order."""
+    return np.arange(min(count, most)) * count // min(count, most)
+
+
+def _parts(train: Scan, letter: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Divide the presses of each letter into FOLDS parts: (readings,)."""
+    press = np.arange(len(train)) if train.presses is None else train.presses
+    part = np.empty(len(train), dtype=np.intp)
+    for number in np.unique(letter):
+        own = letter == number
+        part[own] = np.unique(press[own], return_inverse=True)[1].reshape(-1) % FOLDS
+    return part
+
+
+def _squares(*views: tuple[FloatArray, FloatArray]) -> list[FloatArray]:
+    """Give the squared distances (n, m) of the rows of each pair (n, features), (m, features)."""
+    return [
+        ((one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T).clip(min=0)
+        for one, other in views
+    ]
+
+
+def _log_p(scores: FloatArray) -> FloatArray:
+    """Give log-probabilities of scores (n, letters), mixed with those of a reading that says nothing."""
+    log_p = scores - np.logaddexp.reduce(scores, axis=-1, keepdims=True)
+    return np.log((1 - _OUTLIER) * np.exp(log_p) + _OUTLIER / scores.shape[-1])
