@@ -91,7 +91,7 @@ class WholeImage(ReadingClassifier):
         self._blur = np.repeat(radius * np.exp(-((radius * _BLUR * apart) ** 2) / 2), _ANGLES)
         rise = self._idle.rise(train.readings)
         self._floor = _FLOOR * float(np.abs(rise).sum(axis=1).mean()) or 1.0
-        self._mean, self._spread = 0.0, 1.0
+        self._mean, self._spread = np.zeros(1), np.ones(1)
         turned = self._views(train.readings)[1]
         self._mean, spread = turned.mean(axis=0), turned.std(axis=0)
         self._spread = np.where(spread > _SAME, spread, 1.0)
