@@ -85,7 +85,7 @@ def run(
     scan: Scan | str | Path | None = None,
     *,
     train_scan: Scan | str | Path | None = None,
-    estimator: str | Estimator = "refined",
+    estimator: str | Estimator = "stacked",
     jobs: int = 1,
     cache: bool = True,
     progress: bool = False,

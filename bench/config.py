@@ -298,7 +298,7 @@ class RunConfig(ScanWords):
     """
 
     kind: ClassVar[str] = kinds.PLANE
-    estimator: str = Field("refined", description="The estimator; `bench list` names them all.")
+    estimator: str = Field("stacked", description="The estimator; `bench list` names them all.")
     bins: int | None = Field(
         None,
         ge=1,

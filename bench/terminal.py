@@ -249,7 +249,7 @@ def _refused(run: Run) -> str:
             if known is None
             else f"trials of {', '.join(run.config['hold_out'])}, {known:.0%} of the others"
         )
-        + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `refined` say so")
+        + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `stacked` say so")
     )
 
 

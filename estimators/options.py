@@ -14,7 +14,11 @@ from tactsim.estimators.estimator import Options
 
 Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
 # Names those of `likelihoods.likelihood.LIKELIHOODS`.
-MODELS = "the measurement model: paper, calibrated, force, graded"
+MODELS = "the measurement model: paper, calibrated, force, graded, stacked"
+MOTION = (
+    "how the object moves between touches: off, auto (learned), seen (auto from the touch on at which readings "
+    "disagree with an object at rest) or MM,RAD of a random walk"
+)
 REACH = "T_R^O has x and y in [-reach, reach], mm; auto: 10 for the paper's pad, as much more as another is larger"
 
 
@@ -56,10 +60,7 @@ class LikelihoodOptions(MapOptions):
 class FilterOptions(LikelihoodOptions):
     """What every filter over (letter, T_R^O) takes."""
 
-    motion: str = Field(
-        "off",
-        description="how the object moves between touches: off, auto (learned) or MM,RAD of a random walk",
-    )
+    motion: str = Field("off", description=MOTION)
     reach: Reach = Field("auto", description=REACH)
     fit: Literal["auto", "off"] | None = Field(
         None,

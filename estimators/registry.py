@@ -26,6 +26,10 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.filters.particle:AugmentedFilter",
         "particle filter that injects random particles",
     ),
+    "stacked": (
+        "tactsim.estimators.filters.refined:StackedFilter",
+        "the default: coarse-to-fine on pressures and their shares together, for still and moving objects",
+    ),
     "refined": (
         "tactsim.estimators.filters.refined:RefinedFilter",
         "coarse-to-fine histogram: the best bins are halved again",

@@ -27,7 +27,7 @@ def command(
     ],
     estimator: Annotated[
         str, typer.Option(help="The estimator whose options are chosen; a filter on maps.")
-    ] = "refined",
+    ] = "stacked",
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="An option that is not to be chosen, name=value.")
     ] = None,

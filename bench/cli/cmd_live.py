@@ -31,7 +31,7 @@ def command(
         Path | None,
         typer.Option(help="What the estimator learns from. Default: simulated presses of AEIOU on this pad."),
     ] = None,
-    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")] = "refined",
+    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")] = "stacked",
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."),

@@ -33,7 +33,7 @@ from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import FilterOptions, OpenSetOptions, reach_of, wants_pad_fit
 
@@ -105,11 +105,12 @@ class MapFilter(Estimator):
         if options.motion != "off":
             from tactsim.estimators.filters.motion import parse_motion
 
-            self.motion = parse_motion(options.motion)
+            self.motion = parse_motion("auto" if options.motion == "seen" else options.motion)
             if self.motion is not None:
                 from tactsim.estimators.filters.moving import MovingBelief
 
                 self.moving, self.draws = MovingBelief(self, self.motion), True
+        self._watched = self.moving if options.motion == "seen" else None
 
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings.
@@ -204,8 +205,12 @@ class MapFilter(Estimator):
         """Begin a sequence, for states within `reach`."""
         self.field.reset()
         self._reset(rng)
-        if self.moving is not None:
-            self.moving.reset(rng.spawn(1)[0])
+        if self.moving is not None or self._watched is not None:
+            self._stirring, self._touches = rng.spawn(1)[0], list[tuple[Evidence, FloatArray]]()
+        if self._watched is not None:
+            self.moving = None
+        elif self.moving is not None:
+            self.moving.reset(self._stirring)
         if self.open_set is not None:
             self.open_set.reset()
         # Proposals have a random stream of their own. So the filter draws the same numbers whether proposals
@@ -237,13 +242,35 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             units = self.pad_fit.units
             values, pose = check_reading(units.readings(values), units.poses(pose), len(self.taxel_xy))
-        self.field.append(self.likelihood.evidence(values), pose)
+        touch = self.likelihood.evidence(values), pose
+        self._take_in(*touch)
+        if self._watched is not None:
+            self._touches.append(touch)
+            if self.moving is None and self.stirred:
+                self._follow(self._watched)
+        if self.open_set is not None:
+            self.open_set.keep(values, pose)
+
+    def _take_in(self, evidence: Evidence, pose: FloatArray) -> None:
+        self.field.append(evidence, pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
         else:
             self.measure()
-        if self.open_set is not None:
-            self.open_set.keep(values, pose)
+
+    def _follow(self, moving: MovingBelief) -> None:
+        """Take all touches in again, with a belief that moves, as if it had been there from the first on."""
+        self.field.reset()
+        self._reset(self._stirring)
+        self.moving = moving
+        moving.reset(self._stirring)
+        for touch in self._touches:
+            self._take_in(*touch)
+
+    @property
+    def stirred(self) -> bool:
+        """Tell whether the readings disagree with an object at rest; a filter that cannot tell always says so."""
+        return True
 
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""

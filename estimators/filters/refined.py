@@ -32,7 +32,7 @@ from tactsim.estimators.filters.states import WeightedStates, Weights, letter_ma
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
 from tactsim.estimators.filters.trust_kernels import influence_at
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import MODELS, FilterOptions, OpenSetOptions
+from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -41,6 +41,8 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
+# By so much larger than learned, errors tell of a move: of 20 readings at rest, in one sequence of thirty.
+_STIRRED = 1.15
 # Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
 _MANY_BINS, _BEST_BINS = 1_000_000, 100_000
 
@@ -159,6 +161,15 @@ class RefinedFilter(GridFilter):
         self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
 
+    @property
+    def stirred(self) -> bool:
+        """Tell whether the readings disagree with an object at rest.
+
+        They are explained worse than left-out training readings are, and disagree about the place by more than those.
+        """
+        count = len(self.field)
+        return self._unexplained > 0 and self.trust(count) > _STIRRED * self._weight
+
     def own_estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
         cells, weights = self._belief_in_cells()
@@ -268,3 +279,16 @@ class GradedFilter(RefinedFilter):
     """The coarse-to-fine filter with a measurement model that does not mind the load and the response curve."""
 
     options_type: type[Options] = GradedOptions
+
+
+class StackedOptions(GradedOptions):
+    """Options of the coarse-to-fine filter on several measurement models together."""
+
+    likelihood: str = Field("stacked", description=MODELS)
+    motion: str = Field("seen", description=MOTION)
+
+
+class StackedFilter(RefinedFilter):
+    """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves."""
+
+    options_type: type[Options] = StackedOptions

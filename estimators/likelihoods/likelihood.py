@@ -120,6 +120,7 @@ LIKELIHOODS = {
     "calibrated": ("calibrated", "CalibratedLikelihood"),
     "force": ("force", "ForceLikelihood"),
     "graded": ("graded", "GradedLikelihood"),
+    "stacked": ("stacked", "StackedLikelihood"),
 }
 
 

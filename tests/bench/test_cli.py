@@ -69,7 +69,7 @@ def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("--particles 100", "refined has none; leave it out, or add --estimator particle"),
+        ("--particles 100", "stacked has none; leave it out, or add --estimator particle"),
         ("--estimator nearest --bins 100", "nearest has none; leave it out, or add --estimator histogram"),
     ],
 )

@@ -48,13 +48,13 @@ def placement_error(
 # Options that make an estimator cheaper to fit, for tests of what does not depend on them.
 CHEAPER: dict[str, dict[str, object]] = {
     "synthesis": {"spacing": 2.5, "angles": 8, "modes": 100},
-    **{name: {"cell": 0.8} for name in ("refined", "graded", "force-mosaic")},
+    **{name: {"cell": 0.8} for name in ("stacked", "refined", "graded", "force-mosaic")},
 }
 
 
 def quick_first(names: Iterable[str]) -> list[Any]:
     """Give estimators as parameters of tests; those that take long, or are `refined` but for a likelihood, are long."""
-    slow = ("force-mosaic", "graded")
+    slow = ("force-mosaic", "graded", "stacked")
     return [pytest.param(name, marks=pytest.mark.long) if name in slow else name for name in names]
 
 

@@ -203,3 +203,34 @@ def test_the_option_says_what_moves():
 def test_a_wrong_motion_is_refused(text):
     with pytest.raises(InputError, match="motion"):
         create("refined", motion=text)
+
+
+def test_a_motion_that_is_seen_is_followed_as_if_it_had_been_from_the_first_touch(two):
+    """Until it is seen the answers are those of an object at rest, then those of a motion that is learned."""
+    readings, poses, _ = sequence(two, "E", 14, Slip(drift_mm=0.8))
+    off, seen, auto = (
+        fitted_anew("refined", two, bins=1000, cell=0.8, likelihood="calibrated", motion=motion)
+        for motion in ("off", "seen", "auto")
+    )
+    for estimator in (off, seen, auto):
+        estimator.reset(np.random.default_rng(0))
+    followed = []
+    for reading, pose in zip(readings, poses, strict=True):
+        for estimator in (off, seen, auto):
+            estimator.update(reading, pose)
+        followed.append(seen.moving is not None)
+        if not followed[-1]:
+            assert seen.estimate().robot_in_object.tobytes() == off.estimate().robot_in_object.tobytes()
+    assert not followed[0]
+    assert followed[-1]
+    places = [invert(estimator.estimate().robot_in_object) for estimator in (seen, auto, off)]
+    assert np.hypot(*(places[0] - places[1])[:2]) < 0.5 < np.hypot(*(places[2] - places[1])[:2])
+    seen.reset(np.random.default_rng(0))  # the next sequence begins at rest
+    assert seen.moving is None
+
+
+def test_an_object_at_rest_is_seldom_seen_to_move(small):
+    readings, poses, _ = sequence(small, "L", 14)
+    seen = fitted("refined", small, bins=1000, cell=0.8, motion="seen")
+    follow(seen, readings, poses)
+    assert seen.moving is None
