@@ -146,7 +146,7 @@ WRONG = {
     "a class": ({"estimator": Even}, "made with its options"),
     "options twice": ({"estimator": Even(Options()), "bins": 3}, "leave out bins"),
     "a word": ({"trails": 3}, "did you mean 'trials'"),
-    "an estimator's option": ({"halvings": 3}, "option of the estimator refined; give set="),
+    "an estimator's option": ({"halvings": 3}, "option of the estimator stacked; give set="),
     "a count twice": ({"bins": 100, "set": {"bins": 200}}, "bins is given by itself and in set"),
     "a training scan": ({"train_scan": 5}, "train_scan is 5; give a Scan, or the path"),
 }
