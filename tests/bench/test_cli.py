@@ -41,12 +41,12 @@ def test_beside_a_run_stand_the_paper_with_its_poses_and_the_default_estimator(h
     assert "the paper, on a real pad and in its training's poses: 100 % from" in said
     default = best_known()["letters-offgrid-v1"].default
     assert (
-        f"bench run --estimator refined # the default: {default:.2f} mm after 20 readings on task letters"
+        f"bench run --estimator stacked # the default: {default:.2f} mm after 20 readings on task letters"
         in said
     )
     alone = here("run", *SMALL, "--letters", "AE", "--out", "two").stdout
     assert "the paper" not in alone
-    assert "the same data with --estimator refined  # the default\n" in alone
+    assert "the same data with --estimator stacked  # the default\n" in alone
 
 
 def test_a_shape_of_ones_own_has_a_row_and_is_kept_with_the_run(here, tmp_path, drawn):
