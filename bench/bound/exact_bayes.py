@@ -22,8 +22,9 @@ from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.scan import Scan
 from tactsim.estimators import Estimate, Estimator, Options
 from tactsim.estimators.estimator import PoseSamples, check_order, check_reading
-from tactsim.press import ScanOptions, SensorOptions
+from tactsim.press import ScanOptions
 from tactsim.press.press_model import PressModel
+from tactsim.press.sensor import EFFECTS
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
@@ -241,22 +242,13 @@ class ExactBayes(Estimator):
 
 def _beyond(options: ScanOptions) -> str:
     """Name the first option by which a reading is not Gaussian about what the forward model presses; "" if none is."""
-    usual, sensor = ScanOptions(), SensorOptions()
+    usual = ScanOptions()
     for name in ("load_spread", "test_load"):
         if getattr(options, name) != getattr(usual, name):
             return name
-    for name in (
-        "gain_spread",
-        "texture",
-        "response",
-        "drift",
-        "random_taxels",
-        "dead_taxels",
-        "saturation",
-        "ghosting",
-    ):
-        if getattr(options.sensor, name) != getattr(sensor, name):
-            return f"sensor.{name}"
+    for effect in EFFECTS:
+        if not effect.facts.gaussian and effect.acts(options.sensor):
+            return f"sensor.{effect.facts.name}"
     return ""
 
 

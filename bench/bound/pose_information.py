@@ -11,7 +11,7 @@ import numpy as np
 
 from tactsim.bench.bound.response import Response, noise_variance
 from tactsim.core.poses import FloatArray
-from tactsim.press.scan_options import SensorOptions
+from tactsim.press.sensor import SensorOptions
 
 
 def object_slopes(by_pose: FloatArray, poses: FloatArray) -> FloatArray:

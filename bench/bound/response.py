@@ -12,8 +12,8 @@ from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
 from tactsim.press.engine import check_flat
 from tactsim.press.press_model import PressModel
-from tactsim.press.scan_options import ScanOptions, SensorOptions
-from tactsim.press.sensor import gains
+from tactsim.press.scan_options import ScanOptions
+from tactsim.press.sensor import EFFECTS, Frames, SensorOptions, gains, take
 from tactsim.press.touches import Touches, log_spread
 
 # Steps of the differences where nothing is misplaced: mm and rad, far below the point spread and far above rounding.
@@ -56,11 +56,11 @@ def respond(letter: Letter, poses: FloatArray, options: ScanOptions) -> Response
             force = np.full(len(poses), math.exp(sign * of_load))
             pressed.append((poses + sign * of_pose, stated + sign * of_tilt, force))
     where, tilts, force = (np.concatenate(parts) for parts in zip(*pressed, strict=True))
-    readings = gains(options) * _ideal(Touches(letter, where, tilts, load=options.test_load * force), options)
-    if options.sensor.response != 1:
-        at = options.sensor.response_pressure
-        readings = at * (np.maximum(readings, 0) / at) ** options.sensor.response
-    readings[:, list(options.sensor.dead_taxels)] = 0.0
+    ideal = _ideal(Touches(letter, where, tilts, load=options.test_load * force), options)
+    at = Frames(gains(options), options.pad.rows, np.ones((1, len(ideal)), dtype=int))
+    readings = take(
+        ideal[None], options.sensor, at, [], [effect for effect in EFFECTS if effect.facts.learned]
+    )
     mean, *around = readings.reshape(len(pressed), len(poses), -1)
     half = np.stack([(up - down) / 2 for up, down in zip(around[::2], around[1::2], strict=True)], axis=-1)
     by_pose = half[..., :3] / steps
@@ -96,19 +96,22 @@ def _ideal(touches: Touches, options: ScanOptions) -> FloatArray:
 def noise_variance(sensor: SensorOptions) -> float:
     """Give the variance of a taxel that knows the press, kPa^2: noise, and rounding to steps (step^2 / 12).
 
-    A share q of random taxels counts as variance / (1 - q). That is the information of one who knows which taxels
-    are random, or more (information is concave in the taxels' precisions), so that a bound stays one. Gains, dead
-    taxels, drift and saturation take nothing away: the first three can be learned from the training readings.
+    A share q of taxels that tell nothing counts as variance / (1 - q). That is the information of one who knows which
+    they are, or more (information is concave in the taxels' precisions), so that a bound stays one. What else an effect
+    does takes nothing away.
 
     Raises InputError for a sensor that is not a reading plus noise: with lag, ghosting, all taxels random, or no noise.
     """
-    if sensor.lag:
-        raise InputError("the bound does not know sensor.lag, which mixes two readings; leave it out")
-    if sensor.ghosting != "none":
-        raise InputError("the bound does not know sensor.ghosting, which mixes the taxels; leave it out")
-    variance = sensor.noise**2 + sensor.resolution**2 / 12
+    kept = 1.0
+    for effect in EFFECTS:
+        if effect.facts.mixes and effect.acts(sensor):
+            raise InputError(
+                f"the bound does not know sensor.{effect.facts.name}, which mixes {effect.facts.mixes}; leave it out"
+            )
+        kept *= effect.kept(sensor)
+        if not kept:
+            raise InputError(f"with sensor.{effect.facts.name} = 1 a reading says nothing; give less")
+    variance = sum(effect.variance(sensor) for effect in EFFECTS)
     if not variance:
         raise InputError("without noise and resolution nothing bounds the error; give sensor.noise")
-    if sensor.random_taxels == 1:
-        raise InputError("with sensor.random_taxels = 1 a reading says nothing; give less")
-    return variance / (1 - sensor.random_taxels)
+    return variance / kept

@@ -6,9 +6,10 @@ How exact a press is, and by which engine, is a matter of `tests/press`.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
+from pydantic.fields import FieldInfo
 
 from tactsim import models
 from tactsim.bench.stress.case import Worst, case, refused
@@ -121,9 +122,17 @@ def refused_sensor(**options: Any) -> bool:
     return refused(scan_options, scan_set={"sensor": options})
 
 
+def ends(option: FieldInfo) -> list[Any]:
+    """List the bounds of an option that may be reached, or the words that it takes."""
+    bounds = [
+        getattr(limit, side) for limit in option.metadata for side in ("ge", "le") if hasattr(limit, side)
+    ]
+    return bounds or list(get_args(option.annotation) if get_origin(option.annotation) is Literal else ())
+
+
 @case(
     "press.sensor",
-    varied="saturation, resolution, gain, drift, lag, hysteresis, noise and dead taxels at their bounds",
+    varied="every option of the sensor at its bounds, some together",
     deviation="readings that are not finite, above saturation, off the steps or alive though dead",
     limit=0,
     because="what a sensor reports is a number it can report",
@@ -132,11 +141,12 @@ def sensor(worst: Worst) -> None:
     """Read with sensors at the end of every scale."""
     letter, pose = models.letter("E"), [1.0, 2.0, 0.3]
     settings: list[dict[str, Any]] = [
-        {"saturation": 5.0}, {"saturation": 1e-9}, {"resolution": 1000.0}, {"resolution": 1e-6},
-        {"gain_spread": 1.0}, {"drift": 100.0}, {"drift": -100.0}, {"noise": 1000.0},
-        {"lag": 0.999}, {"hysteresis": 0.25},
+        {name: end} for name, field in SensorOptions.model_fields.items() for end in ends(field)
+    ]
+    settings += [
+        {"saturation": 5.0}, {"saturation": 1e-9}, {"resolution": 1e-6}, {"lag": 0.999},
         {"ghosting": "floating", "unmix": False, "leakage": 1e-3}, {"ghosting": "floating", "resolution": 0.0},
-        {"random_taxels": 1.0}, {"dead_taxels": tuple(range(36))}, {"dead_taxels": (0, 35)},
+        {"response": 5.0, "response_pressure": 1e6}, {"dead_taxels": tuple(range(36))}, {"dead_taxels": (0, 35)},
         {"psf_sigma": 10.0, "saturation": 1.0, "resolution": 0.3},
     ]  # fmt: skip
     for setting in settings:

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import InputError, wrap_angle
 from tactsim.core.errors import short, unknown
-from tactsim.core.matrix import of_uniform
 from tactsim.core.poses import FloatArray
 from tactsim.env.world import World
-from tactsim.press.sensor import answered
+from tactsim.press.sensor import EFFECTS, Frames
 
 Floats = NDArray[np.float32]
 
@@ -117,17 +116,17 @@ def observation_space(world: World, *, belief: bool) -> gymnasium.spaces.Dict:
 
 
 def most_pressure(world: World) -> float:
-    """Bound what a taxel reads, kPa: the pad's saturation, or all of ten times the force on one taxel, and noise."""
-    pad, sensor, force = world.options.pad, world.options.sensor, world.options.press.force
-    if sensor.saturation is not None:
-        return float(np.float32(sensor.saturation))
-    ideal = 10 * 1e3 * force / (pad.taxel_width * pad.taxel_height)
-    high = answered(np.full((1, pad.taxels), ideal), sensor, world.gain + 10 * sensor.texture).max()
-    if (
-        sensor.ghosting != "none"
-    ):  # no cell reads more than in a pad whose cells all conduct as the best one does
-        high = of_uniform(high + sensor.leakage, pad.rows, pad.columns)
-    return float(np.float32(high + 100 * (sensor.noise + sensor.drift)))
+    """Bound what a taxel reads, kPa: ten times the force on one taxel, and what the pad makes of it."""
+    options = world.options
+    ideal = 10 * 1e3 * options.press.force / (options.pad.taxel_width * options.pad.taxel_height)
+    high, at = (
+        np.full(options.pad.taxels, ideal),
+        Frames(world.gain, options.pad.rows, np.ones((1, 1), dtype=int)),
+    )
+    for effect in EFFECTS:
+        if effect.acts(options.sensor):
+            high = effect.most(options.sensor, high, at)
+    return float(np.float32(high.max()))
 
 
 def within(space: gymnasium.spaces.Dict, name: str, values: ArrayLike) -> Floats:

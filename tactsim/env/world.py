@@ -24,7 +24,7 @@ from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import stage_for
 from tactsim.press.scanning import as_pressed, letters_of
-from tactsim.press.sensor import Chance, answered, gains, reported, textured
+from tactsim.press.sensor import Frames, gains, take
 from tactsim.press.touches import Touches
 
 NORMALS = 6  # normal numbers that a press needs: by how far it misses its place, tilt and load
@@ -119,7 +119,7 @@ class World:
 
 
 def _unbent(options: Any) -> Any:
-    """Take the response curve out: the forward model would bend its readings, and `answered` bends them too."""
+    """Take the response curve out: the forward model would bend its readings, and `take` bends them too."""
     return options.model_copy(update={"sensor": options.sensor.model_copy(update={"response": 1.0})})
 
 
@@ -154,7 +154,7 @@ class Hidden:
     world: what is pressed. rng: of the episode. As many numbers are drawn for each touch whatever is touched, so a
     policy cannot change its luck, and two policies that are given the same seed meet the same object and the same
     errors, touch by touch. letter: index of the letter. path: (n, 3) robot_in_object at each touch so far foreseen.
-    touches, readings: how many there were. felt: (1, taxels) what the pad felt last, which a pad with lag remembers.
+    touches, readings: how many there were. felt: (1, taxels) what the pad felt last, which a pad with lag remembers; NaN before.
     """
 
     world: World
@@ -163,7 +163,7 @@ class Hidden:
     path: FloatArray = field(init=False)
     touches: int = 0
     readings: int = 0
-    felt: FloatArray | None = None
+    felt: FloatArray = field(default_factory=lambda: np.full((1, 1), np.nan))
 
     def __post_init__(self) -> None:
         self.letter = int(self.rng.integers(len(self.world.letters)))
@@ -182,18 +182,15 @@ class Hidden:
 
         Returns (taxels,) kPa, 0 where the press did not come to rest.
         """
-        world, sensor = self.world, self.world.options.sensor
+        world, options = self.world, self.world.options
         normals = self.rng.standard_normal(NORMALS)
-        chance = Chance.draw((1, world.options.pad.taxels), self.rng)
         pose = compose(self.robot_in_object, sensor_in_robot)
         ideal, rests = world.press(self.letter, pose, normals)
-        felt = answered(ideal[None], sensor, textured(world.gain, sensor, 1, self.rng))
+        at = Frames(world.gain, options.pad.rows, np.array([[self.readings + 1]]), before=self.felt)
+        (reading,) = take(ideal[None, None], options.sensor, at, [self.rng])[0]
         if rests:
-            if sensor.lag and self.felt is not None:
-                felt += sensor.lag * (self.felt - felt)
-            self.felt, self.readings = felt.copy(), self.readings + 1
+            self.felt, self.readings = at.before, self.readings + 1
         self._go_on()
-        (reading,) = reported(felt, np.array([self.readings]), sensor, chance, world.options.pad.rows)
         return reading if rests else np.zeros_like(reading), rests
 
     def _go_on(self) -> None:

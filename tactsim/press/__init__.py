@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from tactsim.models import Letter
     from tactsim.press.engine import Press, press_letter
     from tactsim.press.press_model import PressModel, forward_model
-    from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions, SensorOptions
+    from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions
     from tactsim.press.scanning import scan_letters
+    from tactsim.press.sensor import SensorOptions
 
 _HOME = {
     "AttachedPad": "attach.attached_pad",
@@ -44,7 +45,7 @@ _HOME = {
     "forward_model": "press.press_model",
     "PressOptions": "press.scan_options",
     "ScanOptions": "press.scan_options",
-    "SensorOptions": "press.scan_options",
+    "SensorOptions": "press.sensor",
     "WORLDS": "press.scan_options",
     "Press": "press.engine",
     "press_letter": "press.engine",

@@ -22,7 +22,7 @@ from tactsim.models.letter import Letter
 from tactsim.models.relief import Relief
 from tactsim.press.bed import has_relief
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.sensor import gains, hysteretic, sense
+from tactsim.press.sensor import EFFECTS, gains, hysteretic, sense
 from tactsim.press.touches import Pressed, Touches
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def press_letter(
         raise InputError(f"a pose is three numbers [x mm, y mm, theta rad], got {short(sensor_in_object)}")
     sensor = options.sensor
     if rng is None:
-        sensor = sensor.model_copy(update={"noise": 0.0, "random_taxels": 0.0, "texture": 0.0})
+        sensor = sensor.without(effect for effect in EFFECTS if effect.facts.draws != "never")
         rng = np.random.default_rng(0)
     if rotation is not None:
         letter, options = _from_a_side(letter, _rotation(rotation), options)

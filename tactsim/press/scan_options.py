@@ -1,4 +1,4 @@
-"""The options of a scan: letters, pad, press and sensor, each with its unit and its bounds.
+"""The options of a scan: letters, pad, press and sensor (`sensor`), each with its unit and its bounds.
 
 "assumed" in a description means that the paper does not give the value.
 """
@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from tactsim.core.checking import Settings, without_gone
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
+from tactsim.press.sensor import SensorOptions
 from tactsim.press.spread import cell_lines
 
 CLEARANCE = 0.2  # mm between letter and pad before a press through time (assumed)
@@ -26,7 +27,6 @@ _GONE = {
     "clearance": CLEARANCE,
     "time_step": 1.0,
 }
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Skips(Settings):
@@ -118,84 +118,6 @@ class PressOptions(Settings):
         A layer that the force would press by more than its thickness is stiffer: just enough to stop there.
         """
         return max(self.stiffness, 1e3 * (self.force if force is None else force) / (area * self.thickness))
-
-
-class SensorOptions(Settings):
-    """How the pad turns contact pressure into readings. 0, None or () switches an effect off."""
-
-    psf_sigma: float = Field(
-        1.0, ge=0, le=10, description="mm, standard deviation of the point spread (assumed)"
-    )
-    gain_spread: float = Field(
-        0.0, ge=0, le=1, description="standard deviation of the taxels' relative gains (assumed)"
-    )
-    texture: float = Field(
-        0.0,
-        ge=0,
-        le=3,
-        exclude_if=lambda spread: spread == 0,
-        description="standard deviation of what the contact of a press adds to each taxel's gain (assumed even)",
-    )
-    response: float = Field(
-        1.0,
-        ge=0.2,
-        le=5,
-        description="exponent g of the response curve p0 (p / p0)^g, with p0 = response_pressure; 1: linear (assumed)",
-    )
-    response_pressure: float = Field(
-        25.0, ge=1e-3, le=1e6, description="kPa, p0: the pressure that a bent response reads right (assumed)"
-    )
-    hysteresis: float = Field(
-        0.0,
-        ge=0,
-        le=0.25,
-        description="share of a touch's peak by which a falling load is read too high at most (assumed)",
-    )
-    lag: float = Field(
-        0.0, ge=0, lt=1, description="share of the previous touch's reading that is still felt (assumed)"
-    )
-    ghosting: Literal["none", "floating"] = Field(
-        "none",
-        description="cross-talk of a resistive matrix without guards: wires that are not read hang free (assumed none)",
-    )
-    leakage: float = Field(
-        2.0,
-        ge=1e-3,
-        le=1e6,
-        description="kPa that would let a cell conduct as much as it does unpressed; with ghosting (assumed)",
-    )
-    unmix: bool = Field(
-        True,
-        description="whether ghosting is taken out of the readings again, as a device file's [matrix] has it done",
-    )
-    drift: float = Field(
-        0.0, ge=-100, le=100, description="kPa that the zero moves from one reading to the next (assumed)"
-    )
-    noise: float = Field(2.0, ge=0, le=1e6, description="kPa, standard deviation of white noise (assumed)")
-    random_taxels: Share = Field(
-        0.0, description="probability that a taxel's reading is replaced by a random one (assumed)"
-    )
-    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="taxels that read 0")
-    saturation: float | None = Field(
-        None, gt=0, description="kPa at which a taxel stops rising, None for never (assumed)"
-    )
-    resolution: float = Field(
-        0.7, ge=0, le=1000, description="kPa, the smallest step of a reading (published)"
-    )
-
-    @field_validator("resolution")
-    @classmethod
-    def _countable_steps(cls, step: float) -> float:
-        if 0 < step < 1e-6:
-            raise ValueError("steps below 1e-6 kPa are finer than a reading's digits; give 0 for none")
-        return step
-
-    @field_validator("psf_sigma")
-    @classmethod
-    def _sharp_or_smooth(cls, sigma: float) -> float:
-        if 0 < sigma < 0.3:
-            raise ValueError("a point spread below 0.3 mm is finer than the bed's cells; give 0 for none")
-        return sigma
 
 
 class ScanOptions(Settings):

@@ -19,7 +19,7 @@ from tactsim.core.reading import Reading
 from tactsim.core.source import HasPad, Log, Source, SourceError
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.sensor import gains, sense, textured
+from tactsim.press.sensor import EFFECTS, Frames, GainSpread, Resolution, gains, sense, take
 from tactsim.press.touches import Touches, draw_loads
 
 _RATE = 100.0  # readings a second
@@ -106,8 +106,10 @@ def rising_table(
     levels = [
         ideal_readings(Touches(letter, placed, tilts, load=share * load), options)[0] for share in shares
     ]
-    even = np.ones(options.pad.taxels)
-    return np.stack(levels, axis=1) * textured(even, options.sensor, len(poses), rng)[..., None, :]
+    number = np.tile(np.arange(1, len(shares) + 1), (len(poses), 1))
+    at = Frames(np.ones(options.pad.taxels), options.pad.rows, number, one_touch=True)
+    of_touch = [effect for effect in EFFECTS if effect.facts.of_touch or effect is GainSpread]
+    return take(np.stack(levels, axis=1), options.sensor, at, [rng] * len(poses), of_touch)
 
 
 def sensing(
@@ -115,10 +117,14 @@ def sensing(
 ) -> Callable[[float], FloatArray]:
     """Add the taxels' gains, noise and faults to the pressures (taxels,) kPa at a time, s; drawn anew each call.
 
-    The device's own steps come with its codec, so the sensor's resolution is left out; so are drift, lag and
-    hysteresis, which need the readings before, and the texture, which is the press's (`rising_table`).
+    The device's own steps come with its codec, so the sensor's resolution is left out; so are effects that need the
+    readings before, and those of a touch, which are the press's (`rising_table`).
     """
-    sensor = options.sensor.model_copy(update={"resolution": 0.0, "drift": 0.0, "lag": 0.0, "texture": 0.0})
+    sensor = options.sensor.without(
+        effect
+        for effect in EFFECTS
+        if effect.facts.remembers or effect.facts.of_touch or effect is Resolution
+    )
     gain = gains(options)
     return lambda now: sense(pressures(now)[None], sensor, gain, rng, rows=options.pad.rows)[0]
 

@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from tactsim.core.checking import Settings
 from tactsim.core.pad import Pad
 from tactsim.models import solid_names
-from tactsim.press.scan_options import SensorOptions
+from tactsim.press.sensor import SensorOptions
 
 _MOST_POINTS = 1_000_000  # of the lattice, so that it stays in memory
 

@@ -8,7 +8,7 @@ from level_world import level_scan
 
 import tactsim
 from tactsim.press import SensorOptions
-from tactsim.press.sensor import gains, sense
+from tactsim.press.sensor import EFFECTS, Frames, RowDropout, gains, sense, take
 
 IDEAL = np.random.default_rng(0).uniform(0, 60, (400, 36))
 OFF = {"noise": 0.0, "resolution": 0.0}
@@ -128,6 +128,58 @@ def test_hysteresis_keeps_between_the_load_and_its_bounds(loads, share):
     assert one_touch(np.multiply(loads, 3.0), hysteresis=share) == pytest.approx(3 * read, abs=1e-7)
 
 
+@pytest.mark.parametrize("one_touch", [False, True])
+def test_a_row_that_drops_out_reads_0_for_a_touch_and_changes_no_other_draw(one_touch):
+    sensor = SensorOptions(row_dropout=0.25, noise=1.0, random_taxels=0.1, texture=0.1)
+    whole, lost = (
+        sense(IDEAL, some, np.ones(36), np.random.default_rng(3), rows=6, one_touch=one_touch).reshape(
+            -1, 6, 6
+        )
+        for some in (sensor.without([RowDropout]), sensor)
+    )
+    gone = (lost == 0).all(axis=2)
+    assert np.array_equal(lost, np.where(gone[..., None], 0.0, whole))
+    if one_touch:
+        assert (gone == gone[0]).all()
+    else:
+        assert gone.mean() == pytest.approx(0.25, abs=0.04)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.facts.name)
+def test_an_effect_that_is_off_changes_nothing_and_sequences_side_by_side_are_as_alone(effect):
+    """Each of many sequences, as an environment senses them, reads what a sequence by itself reads."""
+    values = {"response": 2.0, "saturation": 20.0, "ghosting": "floating", "dead_taxels": (3,), "unmix": True}
+    on = {effect.facts.name: values.get(effect.facts.name, 0.2)}
+    if effect.facts.name == "unmix":
+        on["ghosting"] = "floating"
+    sensor = SensorOptions(**on)
+    assert effect.acts(sensor)
+    assert not effect.acts(sensor.without([effect]))
+    gain = gains(level_scan(sensor=sensor))
+    ideal = IDEAL.reshape(40, 10, 36)
+    at = Frames(gain, 6, np.tile(np.arange(1, 11), (40, 1)))
+    together = take(ideal, sensor, at, [np.random.default_rng(seed) for seed in range(40)])
+    for seed in (0, 39):
+        alone = sense(ideal[seed], sensor, gain, np.random.default_rng(seed), rows=6)
+        assert np.array_equal(together[seed], alone)
+
+
+def test_no_reading_is_above_what_the_effects_say_is_the_most():
+    rng = np.random.default_rng(0)
+    for options in (
+        {"gain_spread": 0.5, "texture": 0.5, "response": 2.0, "drift": 0.5, "lag": 0.5},
+        {"ghosting": "floating", "unmix": False, "noise": 5.0},
+        {"saturation": 30.0, "random_taxels": 0.5, "row_dropout": 0.5, "resolution": 0.0},
+    ):
+        sensor = SensorOptions(**options)
+        at = Frames(gains(level_scan(sensor=sensor)), 6, np.arange(1, 101)[None])
+        read = sense(IDEAL[:100], sensor, at.gain, rng, rows=6)
+        high = np.full(36, IDEAL.max())
+        for effect in EFFECTS:
+            high = effect.most(sensor, high, at) if effect.acts(sensor) else high
+        assert (read <= high).all()
+
+
 def test_drift_moves_the_zero_from_reading_to_reading():
     assert sensed(np.zeros((3, 36)), drift=0.5)[:, 0] == pytest.approx([0.5, 1.0, 1.5])
 
@@ -189,6 +241,8 @@ def test_unmixed_readings_are_near_the_pressures_with_noise_too():
 def test_every_effect_stands_on_the_page_with_its_default_and_what_is_assumed():
     page = Path(tactsim.__file__).parents[1] / "docs" / "sensor.md"
     rows = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `")]
+    named = [row.split("`")[1] for row in rows]
+    assert [name for name in named if name in SensorOptions.model_fields] == list(SensorOptions.model_fields)
     for name, field in SensorOptions.model_fields.items():
         (row,) = [row for row in rows if f"`{name}`" in row.split("|")[1]]
         default = "none" if field.default is None else str(field.default)
