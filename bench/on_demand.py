@@ -20,8 +20,9 @@ from tactsim.models import Letter
 from tactsim.press import ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import random_poses, stage_for
-from tactsim.press.scanning import as_pressed, letters_of
+from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import gains, sense
+from tactsim.press.touches import as_pressed
 
 
 @dataclass(frozen=True)

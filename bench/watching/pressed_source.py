@@ -24,8 +24,8 @@ from tactsim.models import Letter, letter
 from tactsim.press import ScanOptions
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import grid_poses, stage_for
-from tactsim.press.scanning import as_pressed
 from tactsim.press.simulated_source import SimulatedPad, on_pad_of, parse_pose, sensing
+from tactsim.press.touches import as_pressed
 
 _PAUSE = 0.5  # s that the hand takes to its next place
 

@@ -23,9 +23,9 @@ from tactsim.estimators import NONE, Estimator, create
 from tactsim.press import PressModel, forward_model
 from tactsim.press.engine import press_at
 from tactsim.press.scan_poses import stage_for
-from tactsim.press.scanning import as_pressed, letters_of
+from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import Frames, gains, take
-from tactsim.press.touches import Touches
+from tactsim.press.touches import Touches, as_pressed
 
 NORMALS = 6  # normal numbers that a press needs: by how far it misses its place, tilt and load
 _COLUMNS = {"placement": slice(0, 3), "tilt": slice(3, 5), "load": slice(5, 6)}
@@ -154,7 +154,8 @@ class Hidden:
     world: what is pressed. rng: of the episode. As many numbers are drawn for each touch whatever is touched, so a
     policy cannot change its luck, and two policies that are given the same seed meet the same object and the same
     errors, touch by touch. letter: index of the letter. path: (n, 3) robot_in_object at each touch so far foreseen.
-    touches, readings: how many there were. felt: (1, taxels) what the pad felt last, which a pad with lag remembers; NaN before.
+    touches, readings: how many there were. felt: (1, taxels) what the pad felt last, which a pad with lag
+    remembers, NaN before.
     """
 
     world: World

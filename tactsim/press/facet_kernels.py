@@ -21,7 +21,9 @@ _SUMS = 10  # what `integrate` adds up over the contact: 1, x, y, xx, xy, yy, an
 _CORNERS = 16  # room for a polygon: a triangle cut by nine lines at most
 _MOST_STEPS = 100
 _BALANCE = 1e-10  # share of the force that may be missing
-STEEPEST = math.radians(20)  # a shape that tilts further has tipped over
+STEEPEST = (
+    0.35  # rad, 20 degrees: what tilts further has tipped over; `touches.MOST_TILT` for those without kernels
+)
 _LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
 
 

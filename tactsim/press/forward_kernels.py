@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, Reals3D, compiled
-from tactsim.press.facet_kernels import cut
+from tactsim.press.facet_kernels import STEEPEST, cut
 
 LEAST_AREA = 1e-9  # mm^2; what touches less than this does not touch
-STEEPEST = 0.35  # rad; a letter that tilts further has tipped over: `touches.MOST_TILT`
 _MOST_STEPS = 60
 _MOST_HALVINGS = 30
 _BALANCE = 1e-10  # share of the force that may be missing

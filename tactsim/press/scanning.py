@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tactsim import models
 from tactsim.core.errors import InputError
 from tactsim.core.npz import LARGEST
-from tactsim.core.poses import FloatArray, compose
+from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
@@ -25,7 +25,7 @@ from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.sensor import gains, sense
-from tactsim.press.touches import Normals, Touches, draw_loads
+from tactsim.press.touches import Touches, as_pressed
 
 if TYPE_CHECKING:
     from tactsim.press.dynamics import Moving
@@ -154,33 +154,6 @@ def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:
         letter, stated, split, options, lambda purpose: stream(options.seed, letter.name, split, purpose)
     )
     return _Batch(letter, split, stated, touches)
-
-
-def as_pressed(
-    letter: models.Letter,
-    stated: FloatArray,
-    split: str,
-    options: ScanOptions,
-    draw: Callable[[str], Normals],
-) -> Touches:
-    """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
-
-    draw(purpose): what draws for one purpose ("placement", "tilt" or "load"), so that no error depends on whether
-    another is switched on.
-    """
-    true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
-    spread = (options.placement_mm, options.placement_mm, options.placement_rad)
-    if any(spread):
-        true = compose(stated, draw("placement").standard_normal(stated.shape) * spread)
-    if options.placement_tilt:
-        tilts = tilts + draw("tilt").standard_normal(tilts.shape) * options.placement_tilt
-    # The loads of the test presses are `test_load` times as large as those of the training presses.
-    share, load = options.test_load if split == "test" else 1.0, None
-    if options.load_spread:
-        load = share * draw_loads(len(stated), options.load_spread, draw("load"))
-    elif share != 1:
-        load = np.full(len(stated), share)
-    return Touches(letter, true, tilts, load=load)
 
 
 def _ideal(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,13 +15,13 @@ from tactsim import models
 from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError
 from tactsim.core.finite import LARGEST
-from tactsim.core.poses import FloatArray, compose
+from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.core.source import HasPad, Log, Source, SourceError
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import EFFECTS, Frames, GainSpread, Resolution, gains, sense, take
-from tactsim.press.touches import Touches, draw_loads
+from tactsim.press.touches import as_pressed
 
 _RATE = 100.0  # readings a second
 
@@ -96,16 +97,10 @@ def rising_table(
 
     Where a press goes and how it tilts is the same at all of them. So a light press may touch on one side only.
     """
-    error = rng.standard_normal((len(poses), 3))
-    error *= (options.placement_mm, options.placement_mm, options.placement_rad)
-    tilts = rng.standard_normal((len(poses), 2)) * options.placement_tilt
-    tilts += (options.press.tilt_x, options.press.tilt_y)
-    load = draw_loads(len(poses), options.load_spread, rng) if options.load_spread else np.ones(len(poses))
     letter = models.letter(pressed) if isinstance(pressed, str) else pressed
-    placed = compose(poses, error)
-    levels = [
-        ideal_readings(Touches(letter, placed, tilts, load=share * load), options)[0] for share in shares
-    ]
+    touches = as_pressed(letter, poses, "train", options, lambda purpose: rng)
+    whole = touches.forces(1.0)
+    levels = [ideal_readings(replace(touches, load=share * whole), options)[0] for share in shares]
     number = np.tile(np.arange(1, len(shares) + 1), (len(poses), 1))
     at = Frames(np.ones(options.pad.taxels), options.pad.rows, number, one_touch=True)
     of_touch = [effect for effect in EFFECTS if effect.facts.of_touch or effect is GainSpread]

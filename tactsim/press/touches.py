@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from tactsim.core.errors import InputError
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, compose
 from tactsim.models.letter import Letter
 
 if TYPE_CHECKING:
     from tactsim.press.scan_options import ScanOptions
 
-MOST_TILT = 0.35  # rad, 20 degrees: a letter that tilts further has tipped over
+MOST_TILT = (
+    0.35  # rad, 20 degrees: what tilts further has tipped over; `facet_kernels.STEEPEST`, held by a test
+)
 TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
 
 
@@ -61,6 +64,33 @@ class Touches:
 
     def __len__(self) -> int:
         return len(self.poses)
+
+
+def as_pressed(
+    letter: Letter,
+    stated: FloatArray,
+    split: str,
+    options: ScanOptions,
+    draw: Callable[[str], Normals],
+) -> Touches:
+    """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
+
+    draw(purpose): what draws for one purpose ("placement", "tilt" or "load"), so that no error depends on whether
+    another is switched on.
+    """
+    true, tilts = stated, np.tile((options.press.tilt_x, options.press.tilt_y), (len(stated), 1))
+    spread = (options.placement_mm, options.placement_mm, options.placement_rad)
+    if any(spread):
+        true = compose(stated, draw("placement").standard_normal(stated.shape) * spread)
+    if options.placement_tilt:
+        tilts = tilts + draw("tilt").standard_normal(tilts.shape) * options.placement_tilt
+    # The loads of the test presses are `test_load` times as large as those of the training presses.
+    share, load = options.test_load if split == "test" else 1.0, None
+    if options.load_spread:
+        load = share * draw_loads(len(stated), options.load_spread, draw("load"))
+    elif share != 1:
+        load = np.full(len(stated), share)
+    return Touches(letter, true, tilts, load=load)
 
 
 class Load(Protocol):

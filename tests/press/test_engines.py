@@ -10,11 +10,12 @@ from test_accuracy import LEAST_AREA
 
 from tactsim import models
 from tactsim.core import Pad, transform
+from tactsim.press import facet_kernels
 from tactsim.press.clip import covers
 from tactsim.press.engine import press_at
 from tactsim.press.points import lattice
 from tactsim.press.scan_poses import REACH, grid_poses, random_poses
-from tactsim.press.touches import Touches
+from tactsim.press.touches import MOST_TILT, Touches
 
 POSES = np.concatenate([grid_poses()[7::61], random_poses(np.random.default_rng(3), 2)])
 EVERY_POSE = np.concatenate([grid_poses(), random_poses(np.random.default_rng(4))])
@@ -155,3 +156,8 @@ def test_a_letter_that_tips_over_is_a_blank_with_its_reason():
         assert pressed.blanks[0]
         assert not pressed.readings(chosen).any()
     assert "tips over" in pressed.blanks[0]
+
+
+def test_a_press_has_tipped_over_at_the_same_tilt_whoever_presses():
+    """Kernels take their constants from files of kernels, and those without kernels cannot import these."""
+    assert MOST_TILT == facet_kernels.STEEPEST
