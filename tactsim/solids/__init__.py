@@ -1,7 +1,7 @@
 """Objects in space: solids that a pad touches from any side, recognised at any pose in SE(3).
 
-Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `solid_files`, `symmetry`.
-How it is touched: `press` over `pad_lattice` and `touch_kernels`, `scanning`, hands of several pads (`pads_on_hand`).
+Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `symmetry`.
+How it is touched: `press`, by one pad or a hand of several, over `touch_kernels`, and `scanning`.
 How it is recognised: maps of surfaces on voxels, what a touch says of a pose (`learning`, `field`, `refined`).
 How it is run and scored: `kind`, which the harness finds by name, `config`, `touching`, `score`, `surface_distance`,
 `pictures`, `page`. The core imports none of it. Names are imported when they are first used.
@@ -11,18 +11,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tactsim.solids.body import Solid, mirrored, solid_of
+    from tactsim.solids.body import Solid, mirrored, read_solid_file, solid_of
     from tactsim.solids.catalogue import solid, solid_names
     from tactsim.solids.options import SpaceOptions
-    from tactsim.solids.pads_on_hand import Hand, HandPress
-    from tactsim.solids.press import SpacePress, Touched
+    from tactsim.solids.press import Hand, HandPress, SpacePress, Touched
     from tactsim.solids.scanning import random_starts, scan_solids, solids_of, touch_grid
-    from tactsim.solids.solid_files import read_solid_file
     from tactsim.solids.symmetry import SpaceSymmetry
 
 _HOME = {
-    "Hand": "pads_on_hand",
-    "HandPress": "pads_on_hand",
+    "Hand": "press",
+    "HandPress": "press",
     "Solid": "body",
     "SpaceOptions": "options",
     "SpacePress": "press",
@@ -30,7 +28,7 @@ _HOME = {
     "Touched": "press",
     "mirrored": "body",
     "random_starts": "scanning",
-    "read_solid_file": "solid_files",
+    "read_solid_file": "body",
     "scan_solids": "scanning",
     "solid": "catalogue",
     "solid_names": "catalogue",

@@ -12,12 +12,18 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
 from tactsim.solids.climbing_kernels import climb
 from tactsim.solids.feeling_kernels import add_log_p, foresee_touches
-from tactsim.solids.learned_touch import corners_of, learn_touching
-from tactsim.solids.learning import Chart, Touches, learn_surface
+from tactsim.solids.learning import (
+    Chart,
+    Rays,
+    Surface,
+    Touches,
+    corners_of,
+    learn_surface,
+    learn_touching,
+    rays_over,
+)
 from tactsim.solids.pad_feel import Touching
-from tactsim.solids.rays import Rays, rays_over
 from tactsim.solids.solid_scan import SpaceScan
-from tactsim.solids.surface import Surface
 
 
 class SpaceMapOptions(Options):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from tactsim.bench.results import Run
 from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture, over_readings, plain_log
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
-from tactsim.solids.surface import Surface
+
+if TYPE_CHECKING:
+    from tactsim.solids.learning import Surface
 
 _AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found to, a dotted line
 

@@ -4,19 +4,138 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from tactsim import models
+from tactsim.core.checking import Settings, checked
+from tactsim.core.documents import read_toml
 from tactsim.core.errors import InputError, unknown
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses, compose, from_vector, matrix
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import gains, sense
+from tactsim.press.spread import felt_along
 from tactsim.solids.options import SpaceOptions
-from tactsim.solids.pad_lattice import pad_lattice
-from tactsim.solids.touch_kernels import STATE, Layer, Mesh, Starts, touch_all
+from tactsim.solids.touch_kernels import COARSE, STATE, Lattice, Layer, Mesh, Starts, touch_all
+
+_KPA = 1e3  # kPa in a N/mm^2
+_PARTS = 4  # of a cell along each axis, over which what a taxel feels is averaged
+_EDGE = 1e-9  # mm by which a point may lie beside the pad and still be on it
+
+
+@dataclass(frozen=True, eq=False)
+class PadLattice:
+    """The points of the pad's surface, and its taxels.
+
+    kpa: what a taxel reads of 1 N. taxel_points, taxel_normals: (taxels, 3) mm and unit vectors, where the taxels'
+    middles are and look.
+    """
+
+    points: Lattice
+    kpa: float
+    taxel_points: FloatArray
+    taxel_normals: FloatArray
+
+
+def pad_lattice(options: SpaceOptions) -> PadLattice:
+    """Lay the options' pad on its body.
+
+    Raises InputError if the pad reaches further round the body than a pad can.
+    """
+    pad, sigma = options.pad, options.sensor.psf_sigma
+    x_low, x_high, y_low, y_high = pad.load_bounds
+    low, high = np.array([x_low, y_low]), np.array([x_high, y_high])
+    if options.radius is None:
+        start, end = low, high
+    else:
+        start, end = _shadow(low, options), _shadow(high, options)
+    count = COARSE * np.ceil((end - start) / options.spacing / COARSE - _EDGE).astype(int)
+    columns, rows = int(count[0]), int(count[1])
+    step = (end - start) / count
+    x, y = start[0] + step[0] * (np.arange(columns) + 0.5), start[1] + step[1] * (np.arange(rows) + 0.5)
+    at = np.stack([np.tile(x, rows), np.repeat(y, columns)], 1)
+    taxels = pad.taxel_xy
+    if options.radius is None:
+        surface, facing = np.zeros(len(at)), np.ones(len(at))
+        taxel_points = np.column_stack([taxels, np.zeros(len(taxels))])
+        normals = np.tile((0.0, 0.0, 1.0), (len(taxels), 1))
+    else:
+        at, surface, facing, taxel_points, normals = _laid(
+            at, taxels, low, high, options.radius, options.body
+        )
+    cell = np.clip(np.floor((at - low) / (high - low) * count), 0, count - 1).astype(np.int64)
+    felt_u = _felt(x_low, x_high, columns, pad.column_edges, sigma)
+    felt_v = _felt(y_low, y_high, rows, pad.row_edges, sigma)
+    kpa = _KPA / (pad.taxel_width * pad.taxel_height)
+    bounds = np.array(pad.load_bounds) if options.radius is None else np.full(4, np.nan)
+    points = Lattice(start + step / 2, step, columns, rows, bounds, surface, facing, cell, felt_u, felt_v)
+    return PadLattice(points, kpa, taxel_points, normals)
+
+
+def _shadow(edge: FloatArray, options: SpaceOptions) -> FloatArray:
+    """Tell where edges (2,) mm along the pad's surface lie along its x and y, mm."""
+    assert options.radius is not None
+    round_x, round_y = options.radius * np.sin(edge / options.radius)
+    return np.array([round_x, round_y if options.body == "sphere" else edge[1]])
+
+
+def _laid(
+    at: FloatArray, taxels: FloatArray, low: FloatArray, high: FloatArray, radius: float, body: str
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Lay the lattice and the taxels on a cylinder or sphere.
+
+    at: (points, 2) mm along x and y. taxels: (taxels, 2) mm and low, high: (2,) mm, along the surface.
+    Returns the points (points, 2) mm along the surface, their z mm, NaN beside the pad, and the normals' part along z;
+    and of the taxels the points (taxels, 3) mm and normals. Raises InputError if the pad reaches too far round.
+    """
+    import mujoco
+
+    from tactsim.attach.pad_surface import pad_surface
+
+    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{body.upper()}")
+    half_length = float(np.abs([low[1], high[1]]).max())
+    surface = pad_surface(
+        kind, np.array([radius, half_length, 0]) / 1e3, np.array([1.0, 0, 0]), np.zeros(2), body
+    )
+    beyond = np.maximum(surface.face.low - low, high - surface.face.high).max()
+    if beyond > _EDGE:
+        reach = float(np.abs([low, high]).max() if body == "sphere" else np.abs([low[0], high[0]]).max())
+        least = radius * reach / float(surface.face.high[0])
+        raise InputError(
+            f"radius is {radius:g} mm, and the pad reaches too far round such a {body}: it needs {least:.2f} mm or more"
+        )
+    across = at[:, 0] ** 2 + (at[:, 1] ** 2 if body == "sphere" else 0)
+    on = across < radius**2
+    z = np.sqrt(np.where(on, radius**2 - across, 0.0)) - radius
+    laid = surface.place(np.column_stack([at, z]))
+    on &= (laid > low - _EDGE).all(axis=1) & (laid < high + _EDGE).all(axis=1)
+    facing = np.where(on, (z + radius) / radius, 1.0)
+    lines = surface.lines(*np.ascontiguousarray(taxels.T))
+    return laid, np.where(on, z, np.nan), facing, lines.points, lines.normals
+
+
+def _felt(low: float, high: float, count: int, edges: FloatArray, sigma: float) -> FloatArray:
+    """Tell which share of a force on one of `count` cells falls on each taxel along one axis: (2, count, taxels).
+
+    The force is even over a cell, and over COARSE cells about it.
+    """
+    width = (high - low) / count
+    middle = low + width * (np.arange(count) + 0.5)
+    felt = []
+    for wide in (width, COARSE * width):
+        if sigma == 0:
+            ends = middle[:, None, None] + wide / 2 * np.array([-1.0, 1.0])
+            felt.append(np.diff(np.clip(ends, edges[:, :1], edges[:, 1:]), axis=-1)[..., 0] / wide)
+        else:
+            parts = wide * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
+            felt.append(felt_along(middle[:, None] + parts, edges, sigma).mean(axis=1))
+    return np.array(felt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +229,132 @@ def misplaced(pose: FloatArray, options: SpaceOptions, rng: np.random.Generator)
     error = rng.standard_normal((*pose.shape[:-1], 6))
     turn = from_vector(options.placement_rad * error[..., 3:])
     return compose(pose, np.concatenate([options.placement_mm * error[..., :3], turn], axis=-1))
+
+
+_APART = 0.5  # mm that pads of one hand keep from each other
+
+
+class HandPad(Settings):
+    """One pad of a hand."""
+
+    pose: tuple[float, float, float, float, float, float, float] = Field(
+        description="[x, y, z, qw, qx, qy, qz] of the pad in the hand's frame, mm, where its stroke begins"
+    )
+    stroke: float = Field(60.0, gt=0, le=1000, description="mm that the pad goes along its normal at most")
+
+    @model_validator(mode="after")
+    def _turned(self) -> HandPad:
+        try:
+            checked_poses(self.pose, "pose")
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class Hand(Settings):
+    """A hand of two to five pads, all of one kind: an estimator learns how one pad feels an object."""
+
+    name: str = Field("hand", min_length=1, max_length=100)
+    body: Literal["flat", "cylinder", "sphere"] = Field("flat", description="what every pad is laid on")
+    radius: float | None = Field(None, gt=0, le=1e6, description="mm of the cylinders or spheres")
+    pads: tuple[HandPad, ...] = Field(min_length=2, max_length=5)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Hand:
+        """Read a hand from a TOML file. Raises InputError if it cannot be read or a value is wrong."""
+        return checked(cls, read_toml(path, "hand"), f"hand {path}")
+
+    def options(self, options: SpaceOptions) -> SpaceOptions:
+        """Give the options with the hand's pads: with them a scan teaches what such a pad feels.
+
+        Raises InputError if a radius is missing or given for flat pads.
+        """
+        values = options.model_dump() | {"body": self.body, "radius": self.radius}
+        return checked(SpaceOptions, values, f"hand {self.name}")
+
+
+class HandPress:
+    """A hand that touches objects: all pads close at once, each along its z axis until it carries the force.
+
+    A pad that carries the force, ends its stroke or would run into another pad of the hand stops; the others go on. The
+    hand is stiff: where it is off its stated pose, all its pads are.
+    Raises InputError if two pads overlap where their strokes begin, or a pad does not fit its body.
+    """
+
+    def __init__(self, solids: Iterable[models.Solid], hand: Hand, options: SpaceOptions) -> None:
+        self.hand, self.options = hand, hand.options(options)
+        self.press = SpacePress(solids, self.options)
+        self._pads = checked_poses([pad.pose for pad in hand.pads], "pads")
+        self._strokes = np.array([pad.stroke for pad in hand.pads])
+        lattice = pad_lattice(self.options)
+        x_low, x_high, y_low, y_high = options.pad.load_bounds
+        back = float(np.nanmin(lattice.points.surface)) - options.thickness
+        self._box = np.array([[x_low, y_low, back], [x_high, y_high, 0.0]])
+        for first, second in combinations(range(len(self._pads)), 2):
+            if _overlap(self._pads[[first]], self._pads[[second]], self._box, 0.0)[0]:
+                raise InputError(
+                    f"hand {hand.name}: pads {first + 1} and {second + 1} overlap where their strokes begin; "
+                    "move them apart"
+                )
+
+    def touch(self, label: str, start: FloatArray, rng: np.random.Generator | None = None) -> Touched:
+        """Touch an object with all pads from a stated start (7,), hand_in_object: one touch for each pad.
+
+        rng: draws how far the true start is off the stated one; without it it is not.
+        Raises InputError if there is no such object or the start is no pose.
+        """
+        start = checked_poses(start, "start")
+        if start.shape != (7,):
+            raise InputError(f"start has shape {start.shape}; it is one pose, (7,)")
+        true = start if rng is None else misplaced(start, self.options, rng)
+        stated, true = compose(start, self._pads), compose(true, self._pads)
+        touched = self.press.touch_from(label, stated, true, self._strokes)
+        stops = self._stops(touched.travel)
+        return (
+            touched
+            if (stops == touched.travel).all()
+            else self.press.touch_from(label, stated, true, np.minimum(stops, self._strokes))
+        )
+
+    def sensed(self, touched: Touched, rng: np.random.Generator) -> Touched:
+        """Give the touches with what the pads report of them; see `SpacePress.sensed`."""
+        return self.press.sensed(touched, rng)
+
+    def _stops(self, travel: FloatArray) -> FloatArray:
+        """Tell how far pads go (pads,) mm that would go `travel` if no other were in the way: all at one speed."""
+        stops = travel.copy()
+        times = np.arange(min(0.0, float(travel.min())), float(travel.max()) + _APART, _APART / 2)
+        while True:
+            met = []
+            for first, second in combinations(range(len(stops)), 2):
+                one, other = (
+                    advanced(np.repeat(self._pads[[pad]], len(times), 0), np.minimum(times, stops[pad]))
+                    for pad in (first, second)
+                )
+                moving = (times < stops[first]) | (times < stops[second])
+                at = np.flatnonzero(_overlap(one, other, self._box, _APART) & moving)
+                if len(at):
+                    met.append((times[at[0]], first, second))
+            if not met:
+                return stops
+            time, first, second = min(met)
+            stops[[first, second]] = np.minimum(stops[[first, second]], time)
+
+
+def _overlap(first: FloatArray, second: FloatArray, box: FloatArray, apart: float) -> NDArray[np.bool_]:
+    """Tell of n pairs of equal boxes (2, 3) mm at poses (n, 7) each whether they are less than `apart` mm apart: (n,).
+
+    Two boxes are apart if they are along a normal of a side of one, or across an edge of both (Gottschalk et al. 1996).
+    """
+    turn_a, turn_b = matrix(first[:, 3:]), matrix(second[:, 3:])
+    middle, half = box.mean(axis=0), (box[1] - box[0]) / 2
+    between = (second[:, :3] + turn_b @ middle) - (first[:, :3] + turn_a @ middle)
+    edges_a, edges_b = np.swapaxes(turn_a, 1, 2), np.swapaxes(turn_b, 1, 2)
+    across = np.cross(edges_a[:, :, None], edges_b[:, None]).reshape(-1, 9, 3)
+    length = np.linalg.norm(across, axis=2, keepdims=True)
+    across = np.divide(across, length, out=np.zeros_like(across), where=length > 1e-9)
+    axes = np.concatenate([edges_a, edges_b, across], axis=1)
+    reach = np.abs(axes @ turn_a) @ half + np.abs(axes @ turn_b) @ half
+    gaps = np.abs(np.einsum("nai,ni->na", axes, between)) - reach
+    gaps[:, 6:][length[..., 0] <= 1e-9] = -np.inf  # edges that are parallel
+    return np.asarray(gaps.max(axis=1) < apart)

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core import rigid
-from tactsim.solids.pose_cells import CellSizes, PoseCells, thinned
-from tactsim.solids.rotation_cells import every_cell, volumes
+from tactsim.solids.pose_cells import CellSizes, PoseCells, every_cell, thinned, volumes
 
 SIZES = CellSizes(side=4, voxel=4.0, reach=16.0, box=20.0)
 ANCHOR = np.array([1.0, -2.0, 3.0])

@@ -13,8 +13,8 @@ from tactsim.core import InputError, rigid
 from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.solids import pose_search
 from tactsim.solids.contract import SPACE_CHECKS, SpaceCase
-from tactsim.solids.surface import surface_of
-from tactsim.solids.touch_points import PointReader
+from tactsim.solids.learning import surface_of
+from tactsim.solids.pose_search import PointReader
 from tactsim.solids.voxels import sparse
 
 SPACE = ("space-refined",)
