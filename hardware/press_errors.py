@@ -31,7 +31,7 @@ class PressErrors:
     readings say nothing of. told: (n, m, m) and (n, m), what each press says of the shared numbers: the sum of the
     first times the shared numbers is the sum of the second. log_likelihood: of the readings
     over all errors that the presses may have, up to a constant of the readings alone. gains: (taxels,) by how much the
-    taxels' gains are off, if they were fitted along (`tactsim.hardware.gain_fit.with_gains`).
+    taxels' gains are off, if they were fitted along (`tactsim.hardware.taxel_fit.with_gains`).
     """
 
     errors: FloatArray

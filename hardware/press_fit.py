@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.gain_fit import Gains, best_gain, saved_by_gains, shrunk_gains, with_gains
 from tactsim.hardware.press_errors import PressErrors, press_errors
+from tactsim.hardware.taxel_fit import Gains, best_gain, saved_by_gains, shrunk_gains, with_gains
 
 NARROWEST, WIDEST = 0.3, 10.0  # mm, of a point spread
 BLUNTEST, STEEPEST_RESPONSE = 0.2, 5.0  # exponents of a response curve

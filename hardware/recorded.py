@@ -22,14 +22,13 @@ from tactsim.core.files import open_regular
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
-from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.codecs.guessed_lines import is_text
 from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole
-from tactsim.hardware.stream import Stream
+from tactsim.hardware.stream import DeviceClock, Stream
 from tactsim.hardware.text_tables import check_taxel_names
 
 _HEAD = 4096  # bytes of a file, which tell whether it is a text

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from io import BufferedReader
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any
 
@@ -106,7 +107,7 @@ class Recorder:
 
         Raises InputError if `path` cannot be written, exists (without `append`) or is no recording.
         """
-        self.path = Path(path)
+        self.path, self._lock = Path(path), Lock()
         self._file, self._begun = -1, append  # a new one has begun with its first record
         whole = check_whole(self.path).whole_bytes if append else 0
         flags = os.O_WRONLY | (0 if append else os.O_CREAT | os.O_EXCL)
@@ -206,8 +207,9 @@ class Recorder:
 
     def _put(self, content: bytes) -> None:
         view = memoryview(content)
-        while view:  # a write to a file is short only when the disk is nearly full
-            view = view[os.write(self._file, view) :]
+        with self._lock:  # a person's commands come in another thread than the readings
+            while view:  # a write to a file is short only when the disk is nearly full
+                view = view[os.write(self._file, view) :]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.gain_fit import best_gain, shrunk_gains
 from tactsim.hardware.press_errors import PressErrors
 from tactsim.hardware.press_fit import (
     BELIEVED,
@@ -33,8 +32,7 @@ from tactsim.hardware.press_fit import (
     known,
     shape,
 )
-from tactsim.hardware.taxel_error import untouched
-from tactsim.hardware.texture_fit import stray_contacts, unevenness
+from tactsim.hardware.taxel_fit import best_gain, shrunk_gains, stray_contacts, unevenness, untouched
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over

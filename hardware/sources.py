@@ -1,17 +1,27 @@
-"""Every source of readings by its name: a port, a recording, and what installed packages add."""
+"""Every source of readings by its name: a port, a recording, and what installed packages add.
+
+Sources around another source, too: its readings corrected, recorded, checked, or given at the speed of their time.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
-from tactsim.core.errors import InputError
+import numpy as np
+
+from tactsim.core.counters import Counters
+from tactsim.core.errors import InputError, short
+from tactsim.core.pad import Pad
 from tactsim.core.plug_ins import Registry
-from tactsim.core.source import Log, Source
-from tactsim.hardware.calibration import Calibration
+from tactsim.core.poses import FloatArray
+from tactsim.core.reading import Reading
+from tactsim.core.source import Log, Source, SourceError, Wrapper
+from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import Recorder
-from tactsim.hardware.wrappers import Checked, Corrected, Recorded
 
 GROUP = "tactsim.sources"
 
@@ -69,3 +79,116 @@ def open_source(
 def _looks_like_a_name(name: str, rest: str) -> bool:
     """Tell whether NAME:REST is meant to be a source, and no port such as socket://HOST:PORT or C:port."""
     return bool(rest) and not rest.startswith("//") and name.isidentifier() and len(name) > 1
+
+
+class Corrected(Wrapper):
+    """Another source, its readings corrected by a calibration."""
+
+    calibrated = True
+
+    def __init__(self, inner: Source, calibration: Calibration, name: str) -> None:
+        """Correct what `inner`, called `name` in messages, gives.
+
+        Raises InputError if it is corrected already, or has another number of taxels than the calibration.
+        """
+        super().__init__(inner)
+        self._name, self._correction = name, Correction(calibration, inner.pad)
+        self._check_uncorrected()
+
+    @property
+    def taxel_xy(self) -> FloatArray:  # type: ignore[override]
+        """Tell where the taxels lie that the calibration keeps, (taxels, 2) mm."""
+        return self._correction.taxel_xy
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading, corrected; see `Source.read`.
+
+        Raises SourceError also where a recording begins to be corrected by a calibration of its own.
+        """
+        reading = self.inner.read(timeout)
+        self._check_uncorrected()
+        return self._correction.apply(reading)
+
+    def _check_uncorrected(self) -> None:
+        if self.inner.calibrated:
+            raise SourceError(f"{self._name} was recorded with a calibration of its own; give none")
+
+
+class Recorded(Wrapper):
+    """A source without bytes of its own, its readings written to a recording as they come."""
+
+    has_bytes = True  # the recording has all
+
+    def __init__(self, inner: Source, recorder: Recorder) -> None:
+        super().__init__(inner)
+        self._recorder = recorder
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading after it was recorded; see `Source.read`."""
+        reading = self.inner.read(timeout)
+        self._recorder.reading(reading)
+        return reading
+
+
+class Checked(Wrapper):
+    """A plug-in's source: what it gives is a reading of its pad, or an error names the plug-in."""
+
+    def __init__(self, inner: Any, name: str) -> None:
+        """Check that the plug-in `name` has opened a source. Raises SourceError if `inner` is none."""
+        if not isinstance(inner, Source):
+            raise SourceError(
+                f"plug-in {name!r} opened {short(inner)}, which is no tactsim.core.source.Source"
+            )
+        for attribute, kind in (("pad", Pad), ("taxel_xy", np.ndarray), ("counters", Counters)):
+            if not isinstance(getattr(inner, attribute, None), kind):
+                raise SourceError(
+                    f"plug-in {name!r} opened a source without `{attribute}`, a {kind.__name__}"
+                )
+        super().__init__(inner)
+        self._name = name
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading; see `Source.read`."""
+        reading = self.inner.read(timeout)
+        if not isinstance(reading, Reading) or reading.pressures.shape != (len(self.taxel_xy),):
+            raise SourceError(
+                f"plug-in {self._name!r} gave {short(reading)}, which is no Reading of {len(self.taxel_xy)} taxels"
+            )
+        return reading
+
+
+_LONGEST_PAUSE = 1.0  # s: a longer one, as between two segments, is cut short
+
+
+class Paced(Wrapper):
+    """Another source whose readings come when they are due by their host times.
+
+    The host time of a reading is the one at which it is given, so it is like that of a pad that is read now.
+    """
+
+    def __init__(
+        self,
+        inner: Source,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(inner)
+        self._clock, self._sleep = clock, sleep
+        self._recorded: float | None = None  # host time in the recording, and now, of the reading before
+        self._given = 0.0
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading when it is due; see `Source.read`."""
+        reading = self.inner.read(timeout)
+        if self._recorded is None:
+            self._given = self._clock()
+        else:
+            pause = min(max(reading.host_time - self._recorded, 0.0), _LONGEST_PAUSE)
+            self._given += pause
+            wait = self._given - self._clock()
+            if wait > 0:
+                self._sleep(wait)
+            elif wait < -_LONGEST_PAUSE:  # who reads it was away: it goes on from here, and does not catch up
+                self._given = self._clock()
+        self._recorded = reading.host_time
+        return replace(reading, host_time=self._given)

@@ -1,10 +1,12 @@
 """From the bytes of a pad's links to readings: a function of what is fed to it, without a port or a clock.
 
-The values of a reading come from one moment of the device. Where that cannot be known, there is no reading.
+The values of a reading come from one moment of the device: frames of all parts are paired. Where
+that cannot be known, there is no reading.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -13,11 +15,9 @@ import numpy as np
 from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
-from tactsim.hardware.clock import DeviceClock
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.device import UNREAD, Device
 from tactsim.hardware.framing import Framer
-from tactsim.hardware.pairing import ByIndex, ByTime, Moment, Pairing
 
 
 class Stream:
@@ -158,3 +158,120 @@ class Stream:
             self.counters.clock_restarts += 1
             self._begin_anew()
         return replace(frame, seconds=seconds)
+
+
+Place = tuple[int, int]  # port, address
+Moment = dict[Place, Frame]  # the frames of all parts
+
+_MOST_VALUES = 1 << 17  # taxels' values that wait for other parts: more than a port gives in one read
+
+
+class ByIndex:
+    """Pair frames whose counters are equal.
+
+    A part sends its frames in order. So when one with a later counter comes, the part's frame that an
+    earlier moment still lacks was lost, and that moment is dropped. A moment that is not complete
+    `patience` s after its first frame is dropped, too: the counter starts again after `wrap` frames.
+    """
+
+    def __init__(
+        self, places: Iterable[Place], wrap: int, patience: float, taxels: int, counters: Counters
+    ) -> None:
+        self._parts, self._wrap, self._patience = len(set(places)), wrap, patience
+        self._most = min(max(4, _MOST_VALUES // taxels), wrap // 4)
+        self._counters = counters
+        # By counter, in the order in which they began: since when, s, and what has come.
+        self._moments: dict[int, tuple[float, Moment]] = {}
+
+    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
+        """Take in a frame that came at `latest`, s; returns the moment that it completes, or None."""
+        index = frame.index
+        assert index is not None
+        while self._moments:
+            first, (since, frames) = next(iter(self._moments.items()))
+            passed = place not in frames and 0 < (index - first) % self._wrap <= self._wrap // 2
+            if not passed and latest - since <= self._patience and len(self._moments) <= self._most:
+                break
+            self._counters.unpaired += len(frames)
+            del self._moments[first]
+        _, frames = self._moments.setdefault(index, (latest, {}))
+        self._counters.unpaired += place in frames
+        frames[place] = frame
+        if len(frames) < self._parts:
+            return None
+        del self._moments[index]
+        return frames
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._counters.unpaired += sum(len(frames) for _, frames in self._moments.values())
+        self._moments.clear()
+
+
+class ByTime:
+    """Pair frames that were measured within `within` s of each other, whatever is not known of their times.
+
+    When a frame was measured is known to lie between two times. Frames are paired only if the earliest
+    and the latest of all are at most `within` apart; a frame that began too long before the latest is dropped.
+    Which of them comes first says nothing: some are known as frames only when the next one begins.
+    """
+
+    def __init__(self, places: Iterable[Place], within: float, counters: Counters) -> None:
+        self._parts, self._within, self._counters = len(set(places)), within, counters
+        self._held: dict[Place, tuple[Frame, float, float]] = {}  # each part's newest frame, and its times
+
+    def add(self, place: Place, frame: Frame, earliest: float, latest: float) -> Moment | None:
+        """Take in a frame that was measured between two times, s; returns the moment that it completes, or None."""
+        before = len(self._held) + 1
+        self._held[place] = frame, earliest, latest
+        last = max(held[2] for held in self._held.values())
+        self._held = {part: held for part, held in self._held.items() if last - held[1] <= self._within}
+        self._counters.unpaired += before - len(self._held)
+        if len(self._held) < self._parts:
+            return None
+        moment = {part: held[0] for part, held in self._held.items()}
+        self._held = {}
+        return moment
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        self._counters.unpaired += len(self._held)
+        self._held.clear()
+
+
+Pairing = ByIndex | ByTime
+
+
+class DeviceClock:
+    """Turn the ticks of a clock that starts again after `wrap` ticks into seconds that never fall.
+
+    tick_s: s. wrap: ticks, None for a clock that does not start again. restarts: how often it was reset.
+
+    A clock may have started again several times between two frames. The number taken is the one that
+    agrees best with the host's clock, so that long pauses do no harm. A clock that runs backwards all
+    the same was reset; time then goes on by as much as the host's clock says.
+    """
+
+    def __init__(self, tick_s: float, wrap: int | None) -> None:
+        self._tick_s, self._wrap = tick_s, wrap
+        self._ticks = self._host = self._seconds = 0.0
+        self._started = False
+        self.restarts = 0
+
+    def seconds(self, ticks: float, host_time: float) -> float:
+        """Return the device's time in s for a frame that came at `host_time`."""
+        if not self._started:
+            self._started, self._seconds = True, ticks * self._tick_s
+        else:
+            elapsed = host_time - self._host
+            advance = ticks - self._ticks
+            if self._wrap is not None:
+                advance %= self._wrap
+                advance += self._wrap * round((elapsed / self._tick_s - advance) / self._wrap)
+            if advance < 0:
+                self.restarts += 1
+                self._seconds += max(elapsed, 0.0)
+            else:
+                self._seconds += advance * self._tick_s
+        self._ticks, self._host = ticks, host_time
+        return self._seconds

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.device import Device
     from tactsim.hardware.emulator import Emulated, Faults
     from tactsim.hardware.emulator.emulated import Pressures
-    from tactsim.hardware.emulator.hand import Wanted
-    from tactsim.hardware.emulator.robot import Timing
+    from tactsim.hardware.emulator.hand import Timing
     from tactsim.press import ScanOptions
 
 
@@ -86,8 +85,7 @@ def command(
     from tactsim.bench.console import plain_console
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
-    from tactsim.hardware.emulator.hand import Pressing
-    from tactsim.hardware.emulator.robot import Timing
+    from tactsim.hardware.emulator.hand import Timing
     from tactsim.press.simulated_source import on_pad_of, sensing
 
     described = load_device(device)
@@ -124,8 +122,7 @@ def command(
     if plan is not None and out is not None:
         _record(plan, out, marks, Timing(hold, lift), described, felt, faults, options, rng)
     else:
-        wanted = _wanted(letter, pose, follow, hold, lift, options, rng)
-        _serve(port, felt(Pressing(described.pad.taxels, wanted)), faults, rng)
+        _serve(port, felt(_pressing(letter, pose, follow, Timing(hold, lift), options, rng)), faults, rng)
 
 
 def _record(
@@ -146,7 +143,7 @@ def _record(
     from tactsim.bench.places import check_new_file
     from tactsim.core.files import replacing
     from tactsim.hardware.codecs.pps_csv import CsvFormat
-    from tactsim.hardware.emulator.robot import SHARES, read_plan, record, write_marks
+    from tactsim.hardware.emulator.hand import SHARES, read_plan, record, write_marks
     from tactsim.hardware.recording import SUFFIX, Recorder
     from tactsim.models import letter as of_the_catalogue
     from tactsim.press.scanning import letters_of
@@ -188,28 +185,33 @@ def _record(
     plain_console().print(f"{len(presses):,} presses in {seconds:,.1f} s, in {out}")
 
 
-def _wanted(
+def _pressing(
     letter: str | None,
     pose: str,
     follow: Path | None,
-    hold: float,
-    lift: float,
+    timing: Timing,
     options: ScanOptions,
     rng: np.random.Generator,
-) -> Wanted:
+) -> Pressures:
     """Choose what presses on the pad: nothing, one letter by the clock, or what a session asks for."""
     import numpy as np
 
-    from tactsim.hardware.emulator.hand import Follower, by_the_clock
-    from tactsim.press.simulated_source import parse_pose, press_table
+    from tactsim.hardware.emulator.hand import SHARES, Follower, Pressing
+    from tactsim.press.simulated_source import parse_pose, press_table, rising_table
 
-    if follow is not None:
-        return Follower(
-            follow, lambda plan: press_table(plan.label, np.array(plan.poses), options, rng), hold, lift
-        )
     if letter is not None:
-        return by_the_clock(press_table(letter, parse_pose(pose)[None], options, rng), hold, lift)
-    return lambda now: None
+        table = rising_table(letter, parse_pose(pose)[None], options, rng, SHARES)
+        return timing.pressing(table, again=True)
+    if follow is None:
+        nothing = np.zeros(options.pad.taxels)
+        return lambda now: nothing
+    return Pressing(
+        options.pad.taxels,
+        Follower(
+            follow, lambda plan: press_table(plan.label, np.array(plan.poses), options, rng), timing.hold,
+            timing.lift,
+        ),
+    )  # fmt: skip
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:

@@ -73,11 +73,11 @@ def command(
 
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
+    from tactsim.bench.pad.simulated_hand import SimulatedHand, open_pressed
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching.belief_words import BeliefWords
     from tactsim.bench.watching.live_screen import live
     from tactsim.bench.watching.pad_view import PadReader
-    from tactsim.bench.watching.pressed_source import HiddenObject, open_pressed
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
@@ -102,7 +102,7 @@ def command(
             progress("map", 0, 1)
             recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if ask else None)
             progress("map", 1, 1)
-        hand = source if isinstance(source, HiddenObject) else None
+        hand = source if isinstance(source, SimulatedHand) else None
         if hand is None and correction is None:
             untared = "no --calibration: if the pad never counts as lifted, `bench tare` makes one"
             plain_console(stderr=True).print(untared, soft_wrap=True)

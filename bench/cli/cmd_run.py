@@ -140,7 +140,7 @@ def _print_shapes(config: RunConfig, console: Console) -> None:
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
     from tactsim.bench.config import chosen_letters
-    from tactsim.bench.pad.measuring import Wanted, check_pads, count_measured, measure
+    from tactsim.bench.pad.guided import Wanted, check_pads, count_measured, measure
     from tactsim.bench.plane import train_scan
     from tactsim.bench.trials import fit
     from tactsim.estimators import create

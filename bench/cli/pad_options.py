@@ -55,8 +55,8 @@ def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibratio
 
 def played(source: Source, device: Device) -> tuple[Source, Device]:
     """Play a recording at the speed and on the device of its time; other sources are left as they are."""
-    from tactsim.hardware.paced import Paced
     from tactsim.hardware.recorded import CsvReplay, Replay
+    from tactsim.hardware.sources import Paced
 
     return (Paced(source), source.device) if isinstance(source, Replay | CsvReplay) else (source, device)
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 from rich.console import Console, Group
-from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from tactsim.bench.pad.measured import known_letter
+from tactsim.bench.watching.pad_view import PadView
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import force
 from tactsim.hardware.session import Phase, Press, Session, count_taken
 from tactsim.hardware.terminal_pictures import Covers, on_template, placement, tactile_image, where
+from tactsim.press.clip import covers
 
 _KEYS = "space take it as it is   r redo the last   s skip   q stop (it goes on later)"
 _AROUND = 6  # lines above and below the pictures: title, place, state, a message of two lines, keys
@@ -26,49 +29,32 @@ _NUMBERS = re.compile(r"[\d.,]+")  # a message that differs in numbers alone is 
 class Screen:
     """What the person sees: on a terminal one picture that changes, otherwise a line for each press.
 
-    felt: (taxels,) kPa, what the pad says now; None while it is not known. lost: why the pad is lost, or "".
+    taxel_xy: (taxels, 2) mm of the readings that the session takes; some of the pad's may be left out.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        taxel_xy: FloatArray,
-        covers: Covers | None,
-        from_behind: bool,
-        console: Console,
-        title: str = "",
-    ) -> None:
-        """Show a session. covers: the object's shape, for the drawing. title: what stands before the letter's name."""
-        self._session, self._taxel_xy, self._covers = session, taxel_xy, covers
+    def __init__(self, session: Session, from_behind: bool, console: Console, title: str = "") -> None:
+        """Show a session, with the letter's shape if it is known. title: what stands before the letter's name."""
+        self._session, self.taxel_xy = session, session.pad.taxel_xy
+        known = known_letter(session.plan.label)
+        self._covers: Covers | None = None if known is None else partial(covers, known.contours)
         self._from_behind, self._console, self._title = from_behind, console, title
-        self._live = (
-            Live(console=console, auto_refresh=False, screen=True, vertical_overflow="crop")
-            if console.is_terminal
-            else None
-        )
-        self.felt: FloatArray | None = None
-        self.lost = ""
         self._said: set[tuple[int, str]] = set()  # without a picture: what was said of which press
 
-    def __enter__(self) -> Screen:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def draw(self) -> None:
-        """Show what is asked for and what the pad feels."""
-        if self._live is None:
-            self._say(f"the pad is lost: {self.lost}" if self.lost else self._session.message)
-        elif self._session.phase is not Phase.DONE:
-            self._live.update(self._picture(), refresh=True)
+    def draw(self, view: PadView) -> Group | None:
+        """Draw what is asked for and what the pad feels; without a terminal, say what is wrong."""
+        # For how long nothing came is not what is wrong.
+        late, _, why = view.trouble.partition(": ")
+        lost = (why or late) if view.state == "lost" else ""
+        if self._session.phase is Phase.DONE:
+            return None
+        if self._console.is_terminal:
+            return self._picture(view, lost)
+        self._say(f"the pad is lost: {lost}" if lost else self._session.message)
+        return None
 
     def note(self, press: Press) -> None:
         """Print what became of a press, if no picture shows it."""
-        if self._live is not None:
+        if self._console.is_terminal:
             return
         line = f"{self._title}press {self._number(press.number)}: {press.what}"
         if press.what == "taken" and self._session.image is not None:
@@ -89,7 +75,7 @@ class Screen:
         counts = mark is not None and mark.what == "taken"
         return f"{count_taken(self._session.presses) + (not counts)} of {plan.enough}"
 
-    def _picture(self) -> Group:
+    def _picture(self, view: PadView, lost: str) -> Group:
         session, plan = self._session, self._session.plan
         pose = np.array(plan.poses[session.current])
         title = f"{self._title}{plan.label} ({plan.split}), press {self._number(session.current)}"
@@ -97,36 +83,36 @@ class Screen:
             title += f", {len(session.presses)} done"
         heading = Text(title, "bold")
         heading.append(f"   {on_template(pose)}", "not bold")
-        if self.lost:
+        if lost:
             state = Text("THE PAD IS LOST", "bold white on red")
-            message = f"{self.lost}. It goes on when the pad is back"
+            message = f"{lost}. It goes on when the pad is back"
         else:
-            now = 0.0 if self.felt is None else float(force(self.felt, session.pad))
             state = Text(
-                f"{session.phase.value}  {now:5.2f} N  {100 * session.progress:3.0f} %", "bold green"
+                f"{session.phase.value}  {view.force + 0.0:5.2f} N  {100 * session.progress:3.0f} %",
+                "bold green",
             )
             message = session.message
         width, height = self._console.size
         return Group(
             _line(heading),
             _line(Text(where(pose, self._from_behind))),
-            self._pictures(pose, width, height - _AROUND),
+            self._pictures(view, pose, width, height - _AROUND),
             state,
             _two_lines(message, width),
             _line(Text(_KEYS, "dim")),
         )
 
-    def _pictures(self, pose: FloatArray, width: int, height: int) -> Table:
+    def _pictures(self, view: PadView, pose: FloatArray, width: int, height: int) -> Table:
         """Draw where to press, and beside it what the pad feels and felt last, in `width` x `height` characters."""
         session, reach = self._session, _reach(self._session.pad)
         cell = max(1.0, reach / max(height, 1))  # mm of a character along x; along y it is twice as much
         drawing = placement(pose, session.pad, self._covers, self._from_behind, reach, cell)
         drawing.right_crop()  # the last line's end
         room = width - int(2 * reach / cell) - 3, max((height - 2) // 2, 1)
-        now = tactile_image(self.felt, self._taxel_xy, self._from_behind, room)
+        now = tactile_image(view.pressures, session.pad.taxel_xy, self._from_behind, room)
         images = [Text("the pad now\n"), now]
         if session.image is not None:
-            last = tactile_image(session.image, self._taxel_xy, self._from_behind, room)
+            last = tactile_image(session.image, self.taxel_xy, self._from_behind, room)
             room_left = now.plain.count("\n") + last.plain.count("\n") + 3 <= height
             images += [Text("\n" * room_left + "the last press that was taken\n"), last]
         beside = Text().join(images)

@@ -1,36 +1,38 @@
-"""Do one guided session: open its recording and the pad, lead through the presses on the terminal, close both."""
+"""Lead a person through presses on the terminal: one session, whose recording is its journal, or a run's trials.
+
+What is measured already is kept.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from tactsim.bench.pad.guide_screen import Screen
-from tactsim.bench.pad.keyboard import keys
-from tactsim.bench.pad.measured import known_letter
+from tactsim.bench.pad.leader import Leader
+from tactsim.bench.pad.measured import poses_to_press, recording_of
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
+from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.bench.watching.watch_screen import show
+from tactsim.core import Pad, Scan
+from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
-from tactsim.core.source import NoReading, Source, SourceEnded
+from tactsim.core.source import Source
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
-from tactsim.hardware.recording import Recorder, check_whole
+from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
 from tactsim.hardware.scans import read_session
-from tactsim.hardware.session import Phase, Plan, Press, Session
-from tactsim.hardware.sources import open_source
-from tactsim.hardware.terminal_pictures import Covers
-from tactsim.hardware.wrappers import Corrected, Recorded
+from tactsim.hardware.session import Phase, Plan, Press, Session, count_taken, parse_press
+from tactsim.hardware.session import note as enter
+from tactsim.hardware.sources import Recorded, open_source
 from tactsim.models import letter
-from tactsim.press.clip import covers
-
-_REDRAW = 0.1  # s
-_LOOK = 0.2  # s: the longest time for which nobody looks at the keys, or whether the pad is still there
 
 
 @dataclass(frozen=True)
@@ -82,27 +84,50 @@ def record(
     if not resume and journal.exists():
         raise InputError(f"{journal} exists; name another file, or go on with its session by `--resume`")
     session = Session(plan, station.device.pad, presses)
+    screen = Screen(session, station.from_behind, station.console, title)
     with Recorder(journal, append=resume) as recorder:
+
+        def note(press: Press) -> None:
+            recorder.mark(press.model_dump(), time.monotonic())
+            screen.note(press)
+
+        leader = Leader(session, first, note)
         recorder.segment(station.segment(plan), time.monotonic())
-        with _open(station, session, recorder, new=not resume) as source:
+        with _open(station, leader, recorder, new=not resume) as source:
+            screen.taxel_xy = source.taxel_xy
             if notice:
                 station.console.print(notice)
-            screen = Screen(
-                session, source.taxel_xy, shape(plan.label), station.from_behind, station.console, title
-            )
-            done = lead(session, source, recorder, first, screen, station.device.deadline)
+            name = " ".join(station.ports)
+            with PadReader(source, station.device, name, on_reading=leader.take) as reader:
+                _lead(leader, reader, screen, station.console)
+            if reader.error is not None:
+                raise reader.error
             counters = source.counters.as_dict()
             recorder.end(counters, time.monotonic())
-    return Sitting(done, len(session.presses), counters)
+    return Sitting(session.phase is Phase.DONE, len(session.presses), counters)
 
 
-def _open(station: Station, session: Session, recorder: Recorder, new: bool) -> Source:
+def _lead(leader: Leader, reader: PadReader, screen: Screen, console: Console) -> None:
+    """Show what is asked for until all presses are done, at `q`, an interrupt, or the end of a source that has one."""
+
+    def over(view: PadView) -> bool:
+        return leader.session.phase is Phase.DONE or view.state == "ended" or reader.error is not None
+
+    with suppress(KeyboardInterrupt):
+        show(reader, console, over, screen.draw, lambda key, _: leader.obey(key))
+
+
+def _open(station: Station, leader: Leader, recorder: Recorder, new: bool) -> Source:
+    """Open the pad, or let a simulated hand press what the leader asks for."""
     if station.ports != [PLACE]:
         return open_recorded(station.ports, station.device, station.calibration, recorder, new)
     with _retried(recorder, new):
-        letter(session.plan.label)  # an unknown one is refused before it is pressed
-        hand = Recorded(SimulatedHand(session, station.device, seed=0), recorder)
-        return hand if station.calibration is None else Corrected(hand, station.calibration, PLACE)
+        if station.calibration is not None:
+            raise InputError(f"{PLACE} has no zero to correct and needs no calibration")
+        plan = leader.session.plan
+        hand = SimulatedHand(letter(plan.label), np.array(plan.poses), station.device, seed=0)
+        hand.asked = leader.asked
+        return Recorded(hand, recorder)
 
 
 def open_recorded(
@@ -127,66 +152,86 @@ def _retried(recorder: Recorder, new: bool) -> Iterator[None]:
         raise
 
 
-def shape(label: str) -> Covers | None:
-    """Give the test for points on the letter of that name; None if there is no such letter."""
-    known = known_letter(label)
-    return None if known is None else partial(covers, known.contours)
+@dataclass(frozen=True)
+class Wanted:
+    """The trials to be measured: of each letter `trials`, each of `readings` presses. seed: of their poses."""
+
+    letters: Sequence[str]
+    trials: int
+    readings: int
+    seed: int
 
 
-def lead(
-    session: Session, source: Source, recorder: Recorder, first: int, screen: Screen, deadline: float
-) -> bool:
-    """Record the presses that are missing; returns whether all are done.
+def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[str, Any]) -> bool:
+    """Lead through the trials that are missing in `folder`; returns whether all are there now.
 
-    first: number of the next reading in the recording. deadline: s without a reading after which the pad counts as
-    lost; a link that breaks counts at once. A pad that is lost is waited for.
-    Stops at `q`, an interrupt, or the end of a source that has one.
+    settings: fields of the sessions' plans (`Plan`). Stops where the person stops, and can be called again.
+    Raises InputError if a recording in the folder does not fit, or too many presses were skipped.
     """
-    number, drawn = first, 0.0
-    heard, reconnects = time.monotonic(), source.counters.reconnects
-    with keys() as pressed, screen:
-        try:
-            while session.phase is not Phase.DONE:
-                try:
-                    reading = source.read(min(_LOOK, deadline))
-                except NoReading as error:
-                    if time.monotonic() - heard > deadline or source.counters.reconnects > reconnects:
-                        screen.felt, screen.lost = None, _reason(error)
-                else:
-                    heard, reconnects = time.monotonic(), source.counters.reconnects
-                    screen.felt, screen.lost = reading.pressures, ""
-                    _mark(recorder, session.take(reading, number), screen)
-                    number += 1
-                for key in pressed():
-                    if key == "q":
-                        return False
-                    _mark(recorder, _command(session, key), screen)
-                now = time.monotonic()
-                if now - drawn >= _REDRAW:
-                    drawn = now
-                    screen.draw()
-        except (KeyboardInterrupt, SourceEnded):
+    trials = [(label, trial) for label in wanted.letters for trial in range(wanted.trials)]
+    pad = station.device.pad
+    # Wrong settings come to light before anything is pressed.
+    plans = [_plan(label, trial, wanted, settings, pad) for label, trial in trials]
+    notice = f"presses are kept in {folder}"
+    for number, ((label, trial), plan) in enumerate(zip(trials, plans, strict=True), start=1):
+        path = recording_of(folder, label, trial)
+        begun = path.exists()
+        if begun and _taken(path, plan) >= wanted.readings:
+            continue
+        title = f"trial {number} of {len(trials)}: "
+        sitting = record(station, plan, path, resume=begun, title=title, notice=notice)
+        notice = ""
+        if not sitting.done:
             return False
+        if _taken(path, plan) < wanted.readings:
+            raise InputError(
+                f"{path} has too few presses, since too many were skipped; remove it and measure this trial again"
+            )
     return True
 
 
-def _reason(error: NoReading) -> str:
-    """Leave out for how long nothing came: that is not what is wrong."""
-    late, _, why = str(error).partition(": ")
-    return why or late
+def count_measured(wanted: Wanted, folder: Path) -> int:
+    """Count the presses that are in the folder for these trials."""
+    paths = [recording_of(folder, label, trial) for label in wanted.letters for trial in range(wanted.trials)]
+    return sum(count_taken(_progress(path)[1]) for path in paths if path.exists())
 
 
-def _command(session: Session, key: str) -> Press | None:
-    if key == " ":
-        session.take_anyway()
-    elif key == "s":
-        return session.skip()
-    elif key == "r":
-        return session.redo()
-    return None
+def check_pads(train: Scan, station: Station) -> None:
+    """Raise InputError unless the training readings have a taxel where the pad has one."""
+    shared = (abs(train.taxel_xy[:, None] - station.device.pad.taxel_xy[None]).max(axis=-1) < 1e-3).any()
+    if not shared:
+        raise InputError(
+            f"--train-scan was taken on another pad than that of {station.device.name!r}: no taxel is at the same place"
+        )
 
 
-def _mark(recorder: Recorder, press: Press | None, screen: Screen) -> None:
-    if press is not None:
-        recorder.mark(press.model_dump(), time.monotonic())
-        screen.note(press)
+def _plan(label: str, trial: int, wanted: Wanted, settings: Mapping[str, Any], pad: Pad) -> Plan:
+    poses = poses_to_press(label, trial, wanted.readings, wanted.seed, pad)
+    content = {
+        "label": label, "split": "test", "poses": [tuple(pose) for pose in poses.tolist()],
+        "enough": wanted.readings,
+    }  # fmt: skip
+    return checked(Plan, {**content, **settings}, "session")
+
+
+def _taken(path: Path, plan: Plan) -> int:
+    """Count the presses of a recording that was begun. Raises InputError if it was not made for this trial."""
+    before, presses = _progress(path)
+    if before is not None and (before.label, before.poses) != (plan.label, plan.poses):
+        raise InputError(
+            f"{path} is a session of {before.label!r} with other poses: it was measured with another seed or number of "
+            "readings; name another folder"
+        )
+    return count_taken(presses)
+
+
+def _progress(path: Path) -> tuple[Plan | None, dict[int, Press]]:
+    """Read plan and marks of a recording, without its readings; there is no plan if it was killed before it began."""
+    plan: Plan | None = None
+    presses: dict[int, Press] = {}
+    for record in RecordReader(path):
+        if record.kind is Kind.SEGMENT:
+            plan = checked(Plan, record.json().get("plan"), f"plan of {path}")
+        elif record.kind is Kind.MARK and plan is not None:
+            enter(presses, parse_press(record.json(), len(plan.poses)))
+    return plan, presses

@@ -13,7 +13,7 @@ from tactsim.core.checking import checked
 from tactsim.core.idle import find_idle
 from tactsim.core.poses import FloatArray, compose
 from tactsim.hardware.sensor_fit import Guess
-from tactsim.hardware.taxel_error import untouched
+from tactsim.hardware.taxel_fit import untouched
 from tactsim.models.letter import Letter
 from tactsim.press.bed import lay_bed, levels
 from tactsim.press.engine import press_at

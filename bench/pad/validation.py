@@ -20,9 +20,8 @@ from tactsim.core.checking import checked
 from tactsim.core.poses import FloatArray
 from tactsim.core.scan import train_on
 from tactsim.estimators import create
-from tactsim.hardware.gain_fit import best_gain
 from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
-from tactsim.hardware.taxel_error import TaxelError, taxel_error
+from tactsim.hardware.taxel_fit import TaxelError, best_gain, taxel_error
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import scan_letters
 

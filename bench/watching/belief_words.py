@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.bench.pad.simulated_hand import SimulatedHand
 from tactsim.bench.placement import Properties, certainty, placement_error, properties
 from tactsim.bench.report.outlines import drawing, map_outline
 from tactsim.bench.results import BADLY_EXPLAINED
 from tactsim.bench.watching.pad_view import taxels_of
-from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.touch_leader import LiveView, TouchLeader
 from tactsim.bench.watching.web import numbers
@@ -39,7 +39,7 @@ class BeliefWords:
         from_behind: bool,
     ) -> None:
         self.leading, self.from_behind = leading, from_behind
-        self.hidden = source if isinstance(source, HiddenObject) else None
+        self.hidden = source if isinstance(source, SimulatedHand) else None
         self.letters = leading.recogniser.letters
         self.outlines = {label: drawing(label, train) or map_outline(label, maps) for label in self.letters}
         self._of: dict[str, Properties] = properties(train)

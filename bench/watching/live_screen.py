@@ -17,7 +17,6 @@ from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray
 
-_COMMANDS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}
 _KEYS = "space take it   r redo   s skip   n new object   t tare   q quit"
 
 
@@ -50,7 +49,7 @@ def live(
         if on_terminal:
             show(
                 reader, console, over, lambda view: _screen(view, reader, words, console, page),
-                lambda key, _: _obey(key, words),
+                lambda key, _: reader.tare() if key == "t" else words.leading.obey(key),
             )  # fmt: skip
         else:
             _in_lines(reader, words, console, as_json, over)
@@ -60,12 +59,6 @@ def live(
         console.print(Text(printable(words.line(words.leading.view().belief))))
     if words.leading.recogniser.delays:
         console.print(Text(words.latency()), soft_wrap=True)
-
-
-def _obey(key: str, words: BeliefWords) -> None:
-    command = words.leading.commands().get(_COMMANDS.get(key, ""))
-    if command is not None:
-        command()
 
 
 def _screen(

@@ -5,22 +5,19 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from threading import RLock, Thread
+from threading import Thread
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
-from tactsim.bench.pad.simulated_hand import touch_above
+from tactsim.bench.pad.leader import Leader
+from tactsim.bench.pad.simulated_hand import SimulatedHand, touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import Calibration
-from tactsim.hardware.session import Phase, Plan, Press, Session, note
-
-if TYPE_CHECKING:
-    from tactsim.bench.watching.pressed_source import HiddenObject
+from tactsim.hardware.session import Plan, Press, Session, note
 
 Explore = Literal["information", "random"]
 _CHOOSING = "choosing the next touch"
@@ -44,7 +41,7 @@ class LiveView:
     belief: Belief = NOTHING
 
 
-class TouchLeader:
+class TouchLeader(Leader):
     """Ask for touches at the poses of a plan, chosen by the estimator or at random, and take those that are steady.
 
     The estimator has a thread, so that readings and viewers never wait for it. The session is looked at by two threads,
@@ -58,24 +55,24 @@ class TouchLeader:
         pad: Pad,
         explore: Explore,
         seed: int,
-        hand: HiddenObject | None = None,
+        hand: SimulatedHand | None = None,
     ) -> None:
         """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated."""
+        super().__init__(Session(plan, pad))
+        self.choosing = True
         self.recogniser = recogniser
         self.error: Exception | None = None  # what ended it, if something did
         self.beliefs: list[Belief] = []  # one for each touch that was taken, in order
         self._plan, self._pad, self._explore, self._hand = plan, pad, explore, hand
         self._poses = np.array(plan.poses)
         self._rng = np.random.default_rng(seed)
-        self._session = Session(plan, pad)
         self._numbers: list[int] = []  # which presses of the plan the recogniser's touches are
-        self._count = 0
-        self._choosing = True
-        self._changed = RLock()
         self._view = LiveView()
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._jobs.put(self._begin)
         self._thread = Thread(target=self._work, name="estimate", daemon=True)
+        if hand is not None:
+            hand.asked = self.asked
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -89,41 +86,22 @@ class TouchLeader:
 
     def view(self) -> LiveView:
         """Give what is asked for and believed now."""
-        with self._changed:
+        with self.changed:
             return self._view
 
     def idle(self) -> bool:
         """Tell whether no touch waits for the estimator."""
         return not self._jobs.unfinished_tasks
 
-    def take(self, reading: Reading) -> None:
-        """Take in a reading of the pad; called in the thread that reads. Raises InputError as `Session.take` does."""
-        with self._changed:
-            self._count += 1
-            if not self._choosing:
-                self._after(self._session.take(reading, self._count - 1), reading.host_time)
-
     def tared(self, calibration: Calibration) -> None:
         """Let noise, as the tare has found it, not count as a touch."""
-        with self._changed:
+        with self.changed:
             touch = max(self._plan.touch_kpa, touch_above(max(calibration.noise)))
-            self._plan = self._session.plan = self._plan.model_copy(update={"touch_kpa": touch})
+            self._plan = self.session.plan = self._plan.model_copy(update={"touch_kpa": touch})
 
     def commands(self) -> dict[str, Callable[[], None]]:
         """Name what a person may ask for."""
-        return {"take": self.take_anyway, "redo": self.redo, "skip": self.skip, "begin": self.begin_anew}
-
-    def take_anyway(self) -> None:
-        """Take the touch that is asked for as it is from now on."""
-        with self._changed:
-            if not self._choosing:
-                self._session.take_anyway()
-
-    def skip(self) -> None:
-        """Leave out the touch that is asked for."""
-        with self._changed:
-            if not self._choosing:
-                self._after(self._session.skip(), 0.0)
+        return {**super().commands(), "begin": self.begin_anew}
 
     def redo(self) -> None:
         """Ask for the last touch again; what it told is forgotten."""
@@ -147,7 +125,7 @@ class TouchLeader:
         """Take in the touch that is press `number` of the plan."""
         belief = self.recogniser.take(touch)
         self._numbers.append(number)
-        with self._changed:
+        with self.changed:
             self.beliefs.append(belief)
             self._publish(belief)
 
@@ -156,7 +134,7 @@ class TouchLeader:
             index = self._numbers.index(number)
             del self._numbers[index]
             belief = self.recogniser.take_back(index)
-            with self._changed:
+            with self.changed:
                 self._publish(belief)
 
     def _publish(self, belief: Belief) -> None:
@@ -167,41 +145,39 @@ class TouchLeader:
 
     def _close(self, job: Callable[[], None]) -> None:
         """Take no more of the touch that is asked for, and do the job: what would still come is void."""
-        with self._changed:
-            self._choosing = True
+        with self.changed:
+            self.choosing = True
             self._jobs.put(job)
 
-    def _after(self, press: Press | None, came: float) -> None:
-        """Pass on what became of a touch, if something did, and say how it stands."""
-        session = self._session
+    def after(self, press: Press | None, came: float) -> None:
+        """Pass on what became of a touch, if something did, and say how it stands; `came`: s, of the last reading."""
+        session = self.session
         if press is None:
             self._set(phase=session.phase.value, message=session.message, progress=session.progress)
         else:
-            self._choosing = True
+            self.choosing = True
             self._set(phase=_CHOOSING, message="", progress=0.0)
             if press.what == "taken" and session.image is not None:
                 touch = Touch(session.image, self._poses[press.number], came)
                 self._jobs.put(lambda: self._believe(press.number, touch))
             self._jobs.put(self._choose)
-        if self._hand is not None:
-            self._hand.press(not self._choosing and session.phase not in (Phase.LIFT, Phase.DONE))
 
     def _begin(self) -> None:
-        with self._changed:
-            self._choosing = True  # a job before may have asked
-            self._session = Session(self._plan, self._pad)
+        with self.changed:
+            self.choosing = True  # a job before may have asked
+            self.session = Session(self._plan, self._pad)
             self._set(phase=_CHOOSING, message="", asked=None, tried=False)
             self._numbers.clear()
             self._publish(self.recogniser.begin_anew())
         self._choose()
 
     def _redo(self) -> None:
-        with self._changed:
-            mark = self._session.redo()
+        with self.changed:
+            mark = self.session.redo()
             if mark is None:
-                self._choosing = self._view.asked is None
+                self.choosing = self._view.asked is None
                 return
-            self._choosing = True
+            self.choosing = True
         self._forget(mark.number)
         if self._can_press(mark.number):
             self._ask(mark.number)
@@ -210,29 +186,29 @@ class TouchLeader:
 
     def _choose(self) -> None:
         """Choose the next touch among those that are left, and ask for it."""
-        while left := [k for k in range(len(self._poses)) if k not in self._session.presses]:
+        while left := [k for k in range(len(self._poses)) if k not in self.session.presses]:
             chosen = int(self._rng.integers(len(left)))
             if self._explore == "information":
                 chosen = self.recogniser.choose(self._poses[left])
             if self._can_press(left[chosen]):
                 self._ask(left[chosen])
                 return
-        with self._changed:
+        with self.changed:
             self._set(phase="every pose was tried; begin anew", asked=None, tried=True)
 
     def _can_press(self, number: int) -> bool:
         """Let the hand get ready to press there, if there is one; a pose where no press rests is left out."""
         if self._hand is None or self._hand.prepare(number):
             return True
-        note(self._session.presses, Press(number=number, what="skipped"))
+        note(self.session.presses, Press(number=number, what="skipped"))
         return False
 
     def _ask(self, number: int) -> None:
-        with self._changed:
-            self._session.current, self._choosing = number, False
+        with self.changed:
+            self.session.current, self.choosing = number, False
             self._set(
-                phase=self._session.phase.value,
-                message=self._session.message,
+                phase=self.session.phase.value,
+                message=self.session.message,
                 asked=self._poses[number],
                 tried=False,
             )

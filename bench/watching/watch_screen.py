@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import select
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -11,7 +15,6 @@ from rich.live import Live
 from rich.text import Text
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.pad.keyboard import keys
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.core.counters import counter_words
 from tactsim.core.errors import printable
@@ -30,24 +33,25 @@ def show(
     reader: PadReader,
     console: Console,
     over: Callable[[PadView], bool],
-    draw: Callable[[PadView], RenderableType],
+    draw: Callable[[PadView], RenderableType | None],
     obey: Callable[[str, PadView], None],
 ) -> None:
     """Draw each view that the reader has on the whole screen, until `over` says so or q is typed.
 
-    t takes the tare. Every other key is passed to `obey` with the view on the screen.
+    Every other key is passed to `obey` with the view on the screen. Where there is no terminal, no picture is shown:
+    `draw` then says what it has to say, and returns nothing.
     """
-    with keys() as typed, Live(console=console, auto_refresh=False, screen=True) as live:
+    picture = Live(console=console, auto_refresh=False, screen=True) if console.is_terminal else None
+    with keys() as typed, picture or nullcontext():
         view = reader.view()
         while not over(view):
             for key in typed():
                 if key == "q":
                     return
-                if key == "t":
-                    reader.tare()
-                else:
-                    obey(key, view)
-            live.update(draw(view), refresh=True)
+                obey(key, view)
+            drawn = draw(view)
+            if picture is not None and drawn is not None:
+                picture.update(drawn, refresh=True)
             time.sleep(REDRAW_S)
             view = reader.wait(view.number, REDRAW_S)
 
@@ -134,7 +138,9 @@ def _on_terminal(
 
     def obey(key: str, view: PadView) -> None:
         nonlocal frozen
-        if key == "f":
+        if key == "t":
+            reader.tare()
+        elif key == "f":
             frozen = None if frozen is not None else view
 
     show(reader, console, over, lambda view: _screen(view, frozen, reader, console, from_behind, page), obey)
@@ -193,3 +199,50 @@ def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], boo
             console.print(Text(status_line(view)), soft_wrap=True)
         time.sleep(REDRAW_S)
         view = reader.view()
+
+
+@contextmanager
+def keys() -> Iterator[Callable[[], list[str]]]:
+    """Give a function that returns the keys typed since its last call; none if standard input is no terminal."""
+    if not sys.stdin.isatty():
+        yield lambda: []
+        return
+    if sys.platform == "win32":
+        yield _typed_on_windows
+        return
+    try:
+        import termios
+        import tty
+    except ImportError:  # a Python without terminals
+        yield lambda: []
+        return
+    settings = termios.tcgetattr(sys.stdin)
+    try:
+        tty.setcbreak(sys.stdin)
+        yield _typed
+    finally:
+        with suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
+
+
+def _typed() -> list[str]:
+    typed: list[str] = []
+    while select.select([sys.stdin], [], [], 0)[0]:
+        try:
+            key = os.read(sys.stdin.fileno(), 1)
+        except OSError:
+            key = b""
+        if not key:  # the terminal is gone
+            return [*typed, "q"]
+        typed.append(key.decode(errors="replace").lower())
+    return typed
+
+
+def _typed_on_windows() -> list[str]:
+    typed: list[str] = []
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            typed.append(msvcrt.getwch().lower())
+    return typed

@@ -116,7 +116,7 @@ def metrics() -> Iterator[str]:
 
 def device_file_keys() -> Iterator[str]:
     """Write every key of a device file, a table for each of its tables."""
-    from tactsim.hardware.key_table import key_tables
+    from key_table import key_tables
 
     yield from key_tables().splitlines()
 

@@ -4,8 +4,7 @@ Lives here: emulated devices, their faults, the hand that presses them, and how 
 here: physics. The caller passes the pressures on the pad as a function of time.
 """
 
-from tactsim.hardware.emulator.emulated import Emulated, emulate
-from tactsim.hardware.emulator.faults import Faults
+from tactsim.hardware.emulator.emulated import Emulated, Faults, emulate
 from tactsim.hardware.emulator.serve import serve_pty, serve_tcp
 
 __all__ = ["Emulated", "Faults", "emulate", "serve_pty", "serve_tcp"]

@@ -1,16 +1,25 @@
-"""Press an emulated pad as a hand would: one press after another, by the clock or as a session asks."""
+"""The hand that presses an emulated pad: as a session asks, or by a timetable, as a robot does.
+
+What a robot presses by a plan is recorded to a file, faster than it would take in truth.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
+from tactsim.core.files import replacing
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.emulator.emulated import Emulated, Faults, Pressures
 from tactsim.hardware.recording import Kind, Tail
+from tactsim.hardware.scans import Interval, PlacedPress, named_rows
 from tactsim.hardware.session import Plan, Press, next_press, note, parse_press
 
 Wanted = Callable[[float], "FloatArray | None"]
@@ -46,17 +55,6 @@ class Pressing:
         else:
             self._level = min(self._level + step, 1.0)
         return self._nothing if self._press is None else self._level * self._press
-
-
-def by_the_clock(table: FloatArray, hold: float, lift: float) -> Wanted:
-    """Press the rows of `table` (n, taxels) kPa in turn for ever: `lift` s of nothing, then `hold` s of a row."""
-    rows = list(table)
-
-    def wanted(now: float) -> FloatArray | None:
-        turn, since = divmod(now, hold + lift)
-        return rows[int(turn) % len(rows)] if since >= lift else None
-
-    return wanted
 
 
 class Follower:
@@ -101,3 +99,87 @@ class Follower:
         self._current = -1  # a session that is resumed finds the pad free
         if plan != self._plan:
             self._plan, self._rows = plan, list(self._press(plan))
+
+
+def read_plan(path: str | Path) -> list[PlacedPress]:
+    """Read a plan: CSV with the columns label, split, x_mm, y_mm, theta_rad or theta_deg.
+
+    Raises InputError with the wrong line.
+    """
+    return [checked(PlacedPress, row, place) for place, row in named_rows(path, "presses", PlacedPress)]
+
+
+# Shares of its load at which it is known what a press feels on its way; in between it is interpolated.
+SHARES = (0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a robot takes, s: it lifts, presses harder for `ramp`, holds, and lets go for `ramp`.
+
+    The load rises and falls evenly.
+    """
+
+    hold: float = 2.0
+    lift: float = 0.5
+    ramp: float = 0.1
+
+    @property
+    def period(self) -> float:
+        """Give the time from one press to the next."""
+        return self.lift + 2 * self.ramp + self.hold
+
+    def intervals(self, plan: Sequence[PlacedPress]) -> list[Interval]:
+        """Say when each press of the plan holds its full load."""
+        begins = self.period * np.arange(len(plan)) + self.lift + self.ramp
+        return [
+            Interval(
+                **press.model_dump(),
+                first_s=round(float(begin), 6),
+                last_s=round(float(begin) + self.hold, 6),
+            )
+            for press, begin in zip(plan, begins, strict=True)
+        ]
+
+    def pressing(self, table: FloatArray, again: bool = False) -> Pressures:
+        """Press in turn, once or for ever. table: (n, shares, taxels) kPa, what is felt at the SHARES of the load."""
+        nothing, at = np.zeros(table.shape[2]), (0.0, *SHARES)
+
+        def pressures(now: float) -> FloatArray:
+            turn, since = divmod(now, self.period)
+            if since <= self.lift or (turn >= len(table) and not again):
+                return nothing
+            level = min((since - self.lift) / self.ramp, (self.period - since) / self.ramp, 1.0)
+            above = int(np.searchsorted(SHARES, level)) + 1
+            felt = [nothing, *table[int(turn) % len(table)]]
+            part = (level - at[above - 1]) / (at[above] - at[above - 1])
+            return (1 - part) * felt[above - 1] + part * felt[above]
+
+        return pressures
+
+
+def write_marks(intervals: Sequence[Interval], path: str | Path) -> None:
+    """Write a marks file, which `read_intervals` reads. Whole or not at all."""
+    text = StringIO()
+    writer = csv.DictWriter(text, list(Interval.model_fields), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(interval.model_dump() for interval in intervals)
+    with replacing(path) as stream:
+        stream.write(text.getvalue().encode())
+
+
+def record(
+    device: Emulated,
+    seconds: float,
+    received: Callable[[bytes, float], object],
+    faults: Faults | None = None,
+    rng: np.random.Generator | None = None,
+) -> None:
+    """Give `received` all bytes that the device sends in `seconds`, with the time of each, without waiting for them.
+
+    A device that waits for its start or for requests says nothing. faults: spoil the bytes, with `rng`.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    for now in np.arange(0.0, seconds, 1 / device.rate).tolist():
+        for message in device.say(now):
+            received(message if faults is None else faults.spoil(message, rng), now)

@@ -15,8 +15,7 @@ from threading import Event
 import numpy as np
 
 from tactsim.core.errors import InputError
-from tactsim.hardware.emulator.emulated import Emulated
-from tactsim.hardware.emulator.faults import Faults
+from tactsim.hardware.emulator.emulated import Emulated, Faults
 
 Ready = Callable[[str], None]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tactsim.hardware.clock import DeviceClock
+from tactsim.hardware.stream import DeviceClock
 
 
 @pytest.mark.parametrize("wrap", [1 << 16, 1 << 32])

@@ -13,8 +13,7 @@ from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.codecs.singletact import Reply, parse_request, write_reply
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.emulated import EmulatedSingleTact
-from tactsim.hardware.live import LiveSource
-from tactsim.hardware.port import Port
+from tactsim.hardware.live import LiveSource, Port
 from tactsim.hardware.recording import Kind, Recorder, RecordReader
 
 

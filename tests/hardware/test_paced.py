@@ -5,7 +5,7 @@ import numpy as np
 from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
 from tactsim.core.source import Source, SourceEnded
-from tactsim.hardware.paced import Paced
+from tactsim.hardware.sources import Paced
 
 
 class Listed(Source):

@@ -13,7 +13,7 @@ from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import compose
 from tactsim.hardware.emulator import emulate
-from tactsim.hardware.emulator.robot import SHARES, Timing, read_plan, record
+from tactsim.hardware.emulator.hand import SHARES, Timing, read_plan, record
 from tactsim.press import ScanOptions
 from tactsim.press.scanning import object_facts
 from tactsim.press.simulated_source import press_table, rising_table

@@ -9,7 +9,7 @@ from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.hardware.calibration import force
 from tactsim.hardware.emulator import Faults, emulate
-from tactsim.hardware.emulator.hand import Pressing, by_the_clock
+from tactsim.hardware.emulator.hand import SHARES, Pressing, Timing
 from tactsim.hardware.live import LiveSource
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import read_session, scan_of_sessions
@@ -296,7 +296,8 @@ def test_marks_that_make_no_sense_are_refused(tmp_path, mark, message):
 def test_no_press_is_averaged_across_a_cable_that_is_cut_again_and_again(tmp_path):
     """A real pty that is cut every 0.7 s, a hand that holds each press for 1 s: what is taken lies between two cuts."""
     device = small_device()
-    hand = Pressing(6, by_the_clock(table(2), hold=1.0, lift=0.2), ramp=0.05)
+    rising = table(2)[:, None] * np.array(SHARES)[:, None]
+    hand = Timing(hold=0.9, lift=0.2, ramp=0.05).pressing(rising, again=True)
     session, readings, taken = Session(plan(frames=20), device.pad), [], []
     with (
         serving(emulate(device, hand, 100.0), faults=Faults(disconnect=0.7), link=tmp_path / "pad") as url,

@@ -14,8 +14,7 @@ from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Recorder, RecordReader
-from tactsim.hardware.sources import open_source
-from tactsim.hardware.wrappers import Checked, Corrected, Recorded
+from tactsim.hardware.sources import Checked, Corrected, Recorded, open_source
 
 
 class Foreign(Source):

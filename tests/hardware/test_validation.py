@@ -3,7 +3,7 @@ import pytest
 
 from tactsim.core import InputError, Pad, compose, transform
 from tactsim.hardware.sensor_fit import Guess, fit_sensor
-from tactsim.hardware.taxel_error import taxel_error
+from tactsim.hardware.taxel_fit import taxel_error
 
 
 class Bumps:

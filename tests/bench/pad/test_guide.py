@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from command_line import emulated
 from rich.console import Console
+from rich.live import Live
 from terminal import Screen as Terminal
 
 from tactsim.bench.pad.guide_screen import Screen
+from tactsim.bench.watching.pad_view import PadView
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.session import Plan, Session
@@ -73,16 +75,13 @@ def test_the_picture_fits_80_x_24_whatever_the_pad(rows, columns, pitch, lost):
     session.message = "taxel 511 still reads 1234.5 kPa; lift everything off, or take a tare; " * 3
     file = io.StringIO()
     console = Console(file=file, width=80, height=24, force_terminal=True, color_system="truecolor")
-    screen = Screen(session, pad.taxel_xy, None, True, console, "trial 100 of 200: ")
-    screen.felt = None if lost else session.image
-    screen.lost = (
-        "cannot open /dev/serial/by-id/usb-Arduino_LLC_Arduino_Leonardo-if00: no such port; `x`"
-        if lost
-        else ""
-    )
+    screen = Screen(session, True, console, "trial 100 of 200: ")
+    port = "/dev/serial/by-id/usb-Arduino_LLC_Arduino_Leonardo-if00"
+    trouble = f"nothing came within 0.5 s: cannot open {port}: no such port; `x`"
+    view = PadView(state="live", pressures=session.image, force=12.0)
     shown = Terminal(80, 24)
-    with screen:
-        screen.draw()
+    with Live(console=console, auto_refresh=False, screen=True) as live:
+        live.update(screen.draw(PadView(state="lost", trouble=trouble) if lost else view), refresh=True)
         shown.feed(file.getvalue().replace("\n", "\r\n").encode())
     assert whole(shown)
     assert "trial 100 of 200: shape-with-a-name (train), press 1 of 150" in shown.lines[0]

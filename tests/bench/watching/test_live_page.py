@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from browser import browser, expect, needs_browser
 
+from tactsim.bench.pad.simulated_hand import SimulatedHand
 from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.pad_view import PadReader
-from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.bench.watching.web import WebPage
@@ -25,7 +25,7 @@ def served(device, scan_file):
     estimator = create("histogram", bins=1000)
     recogniser = Recogniser.fitted(estimator, train, 0)
     place = np.array([1.0, 0.5, 0.4])
-    hidden = HiddenObject(letter("I"), place, np.array(POSES), device, 0)
+    hidden = SimulatedHand(letter("I"), np.array(POSES), device, 0, place)
     plan = Plan(label="live", poses=POSES, frames=5, window=5, patience=1.0, touch_kpa=10.0)
     leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
     words = BeliefWords(leading, train, estimator.maps, hidden, from_behind=True)

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from tactsim.bench.pad.simulated_hand import SimulatedHand
 from tactsim.bench.watching.pad_view import PadReader
-from tactsim.bench.watching.pressed_source import HiddenObject
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.core import Scan, compose
@@ -40,7 +40,7 @@ def recogniser(fitted):
 @contextmanager
 def led(recogniser, device, poses=POSES, frames=5):
     plan = Plan(label="live", poses=poses, frames=frames, window=5, patience=1.0, touch_kpa=10.0)
-    hidden = HiddenObject(letter("I"), PLACE, np.array(poses), device, 0)
+    hidden = SimulatedHand(letter("I"), np.array(poses), device, 0, PLACE)
     leading = TouchLeader(recogniser, plan, device.pad, "random", 0, hidden)
     with PadReader(hidden, device, "here", on_reading=leading.take) as reader, leading:
         yield leading, reader

@@ -1,4 +1,8 @@
-"""Gains of single taxels: shrunk to what readings can tell, and judged on presses that they were not fitted to."""
+"""What a fit leaves of single taxels: gains, how uneven they and contacts are, strays, how far readings are off.
+
+Gains are shrunk to what readings can tell, and judged on presses that they were not fitted to. Unevenness and strays
+are found from presses that the fit has not seen.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import ndtr
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -145,3 +151,117 @@ def with_gains(
     return replace(
         found, errors=errors, shared=s, shared_error=found.shared_error * np.maximum(wider, 1), gains=by
     )
+
+
+_STEPS = 60  # of a Gauss-Hermite quadrature
+_MOST_OWN, _MOST_CONTACT = 1.0, 3.0  # the bounds of `sensor.gain_spread` and `sensor.texture`
+_LEAST = 1e-9
+_CLEAR, _FAINT = 5.0, 0.02  # times the noise; of a press's highest reading
+
+
+def unevenness(
+    recorded: FloatArray, predicted: FloatArray, pattern: NDArray[np.intp], noise: float
+) -> tuple[float, float]:
+    """Split what is left of readings into the spread of the taxels' own gains and the texture of each contact.
+
+    recorded, predicted: (n, taxels) in one unit; predictions by a fit to the other patterns. pattern: (n,) of each
+    press. noise: standard deviation of a reading, in that unit. Presses count alike, whatever their load is.
+
+    With factors f = max(0, g + t) on what is predicted, where g = max(0, 1 + own z) is the taxel's in all presses and t
+    = contact z' each press's, the squares left are the relative variance of f, and the products of what is left at a
+    taxel of two different patterns its covariance (variance components: Searle, Casella, McCulloch, 1992). Returns
+    `own` and `contact` with these two moments; 0 for one pattern's own, which nothing tells from the contact's.
+    """
+    predicted = np.maximum(np.nan_to_num(predicted), 0)
+    seen = (predicted > 0).any(axis=1) & ((recorded * predicted).sum(axis=1) > 0)
+    if not seen.any():
+        return 0.0, 0.0
+    recorded, predicted, pattern = recorded[seen], predicted[seen], pattern[seen]
+    predicted = predicted * ((recorded * predicted).sum(axis=1) / (predicted**2).sum(axis=1))[:, None]
+    size = np.sqrt((predicted**2).sum(axis=1, keepdims=True))
+    left, image = (recorded - predicted) / size, predicted / size
+    squares = left**2 - (noise / size) ** 2
+    variance = max(float(squares.sum()) / len(left), 0.0)
+    shared = 0.0
+    if len(np.unique(pattern)) > 1:
+        of_left, of_image = (
+            np.stack([values[pattern == number].sum(axis=0) for number in np.unique(pattern)])
+            for values in (left, image)
+        )
+        products, overlap = (
+            float((each.sum(axis=0) ** 2 - (each**2).sum(axis=0)).sum()) for each in (of_left, of_image)
+        )
+        shared = min(max(products / max(overlap, _LEAST), 0.0), variance)
+    start = np.sqrt([shared, variance - shared])
+    most = _MOST_OWN, _MOST_CONTACT
+    solved = least_squares(
+        lambda spreads: np.array(moments(*spreads)) - (variance, shared),
+        np.clip(start, 1e-3, most), bounds=((0, 0), most),
+    )  # fmt: skip
+    own, contact = solved.x.tolist()
+    return float(own), float(contact)
+
+
+def stray_contacts(recorded: FloatArray, predicted: FloatArray, noise: float) -> float:
+    """Give the share of the taxels that read a contact where none is predicted, in (n, taxels) readings.
+
+    A contact reads more than noise, a standard deviation, and more than 2 % of its press's highest reading.
+    """
+    predicted = np.nan_to_num(predicted)
+    nowhere = untouched(predicted) & (predicted.max(axis=1, keepdims=True) > 0)
+    reads = recorded > np.maximum(_CLEAR * noise, _FAINT * recorded.max(axis=1, keepdims=True))
+    return float(reads[nowhere].mean()) if nowhere.any() else 0.0
+
+
+def moments(own: float, contact: float) -> tuple[float, float]:
+    """Give the relative variance of `unevenness`'s factors, and the covariance of those of a taxel in two presses."""
+    at, weight = np.polynomial.hermite_e.hermegauss(_STEPS)
+    weight = weight / weight.sum()
+    gain = np.maximum(1 + own * at, 0)
+    spread = max(contact, _LEAST)
+    above, density = ndtr(gain / spread), np.exp(-((gain / spread) ** 2) / 2) / np.sqrt(2 * np.pi)
+    first = gain * above + spread * density
+    second = (gain**2 + spread**2) * above + gain * spread * density
+    mean = float(weight @ first)
+    return float(weight @ second) / mean**2 - 1, float(weight @ first**2) / mean**2 - 1
+
+
+_UNTOUCHED = 0.02  # share of a reading's largest predicted pressure below which a taxel is untouched
+
+
+@dataclass(frozen=True, eq=False)
+class TaxelError:
+    """How far recorded readings are from predicted ones, over all taxels.
+
+    rms, bias: kPa. relative: rms over the mean pressure of touched taxels. correlation: Pearson's.
+    per_taxel: (taxels,) rms, kPa. per_press: (n,) rms, kPa.
+    """
+
+    rms: float
+    bias: float
+    relative: float
+    correlation: float
+    per_taxel: FloatArray
+    per_press: FloatArray
+
+
+def taxel_error(recorded: FloatArray, predicted: FloatArray) -> TaxelError:
+    """Compare readings (n, taxels) kPa with what was predicted for the same presses."""
+    difference = recorded - predicted
+    touched = ~untouched(predicted)
+    rms = float(np.sqrt((difference**2).mean()))
+    typical = float(predicted[touched].mean()) if touched.any() else np.nan
+    varies = recorded.std() > 0 and predicted.std() > 0
+    return TaxelError(
+        rms=rms,
+        bias=float(difference.mean()),
+        relative=rms / typical,
+        correlation=float(np.corrcoef(recorded.ravel(), predicted.ravel())[0, 1]) if varies else np.nan,
+        per_taxel=np.sqrt((difference**2).mean(axis=0)),
+        per_press=np.sqrt((difference**2).mean(axis=1)),
+    )
+
+
+def untouched(predicted: FloatArray) -> NDArray[np.bool_]:
+    """Tell which taxels of predicted readings (n, taxels) nothing touches."""
+    return predicted <= _UNTOUCHED * np.max(predicted, axis=1, keepdims=True, initial=1e-9)

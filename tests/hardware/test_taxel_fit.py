@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tactsim.hardware.texture_fit import moments, stray_contacts, unevenness
+from tactsim.hardware.taxel_fit import moments, stray_contacts, unevenness
 
 PATTERNS, TAXELS = 20, 300
 

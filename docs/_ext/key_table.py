@@ -1,6 +1,6 @@
 """Describe every key of a device file in tables made from the models that read it.
 
-    python -m tactsim.hardware.key_table
+    python docs/_ext/key_table.py
 
 prints them; docs/reference/device-files.md is filled with them when the site is built.
 """
