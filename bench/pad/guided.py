@@ -24,7 +24,8 @@ from tactsim.bench.watching.watch_screen import show
 from tactsim.core import Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
-from tactsim.core.source import Source
+from tactsim.core.reading import Reading
+from tactsim.core.source import Source, SourceEnded
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
@@ -91,6 +92,11 @@ def record(
             recorder.mark(press.model_dump(), time.monotonic())
             screen.note(press)
 
+        def take(reading: Reading) -> None:
+            leader.take(reading)
+            if session.phase is Phase.DONE:  # what comes now is no longer between two presses
+                raise SourceEnded("all presses are recorded")
+
         leader = Leader(session, first, note)
         recorder.segment(station.segment(plan), time.monotonic())
         with _open(station, leader, recorder, new=not resume) as source:
@@ -98,7 +104,7 @@ def record(
             if notice:
                 station.console.print(notice)
             name = " ".join(station.ports)
-            with PadReader(source, station.device, name, on_reading=leader.take) as reader:
+            with PadReader(source, station.device, name, on_reading=take) as reader:
                 _lead(leader, reader, screen, station.console)
             if reader.error is not None:
                 raise reader.error
@@ -111,7 +117,7 @@ def _lead(leader: Leader, reader: PadReader, screen: Screen, console: Console) -
     """Show what is asked for until all presses are done, at `q`, an interrupt, or the end of a source that has one."""
 
     def over(view: PadView) -> bool:
-        return leader.session.phase is Phase.DONE or view.state == "ended" or reader.error is not None
+        return view.state == "ended" or reader.error is not None
 
     with suppress(KeyboardInterrupt):
         show(reader, console, over, screen.draw, lambda key, _: leader.obey(key))

@@ -13,7 +13,18 @@ from tactsim.bench.trials import OneTrial, TrialPlan
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions
 
-HAND = ["--port", "simulated:hand", "--frames", "3", "--estimator", "histogram", "--bins", "1000"]
+HAND = [
+    "--port",
+    "simulated:hand",
+    "--seed",
+    "2",
+    "--frames",
+    "3",
+    "--estimator",
+    "histogram",
+    "--bins",
+    "1000",
+]
 
 
 def marks(path):
