@@ -77,7 +77,7 @@ def _estimators() -> list[Row]:
         try:
             kind = load(entry.name)
             said = f"; budget: {kind.budget}" if kind.budget else ""
-            said += f"; of {kind.kind}" if kind.kind != PLANE else ""
+            said += f"; of {kind.KIND}" if kind.KIND != PLANE else ""
         except InputError:
             said = ""  # its status says why
         rows.append((entry.name, entry.status, entry.summary + said))
