@@ -103,7 +103,7 @@ def estimator_of(config: Config, estimator: Estimator | None = None) -> Estimato
             )
     if estimator is None:
         estimator = create(config.estimator, **config.options)
-    if estimator.KIND != config.kind:
+    if config.kind != estimator.KIND:
         own = "leave out --task" if estimator.KIND == PLANE else f"add --task {estimator.KIND}"
         raise InputError(
             f"estimator {config.estimator} is for runs of kind {estimator.KIND}: {own}, or take another"
