@@ -25,7 +25,20 @@ from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
-_TIMES = {"time", "timestamp", "datetime", "elapsed", "t", "seconds", "millis", "micros"}
+_TIMES = {
+    "time",
+    "timestamp",
+    "datetime",
+    "elapsed",
+    "t",
+    "seconds",
+    "millis",
+    "micros",
+    "milli",
+    "micro",
+    "msec",
+    "usec",
+}
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
 _CLOCK = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])[Mm]|Z)?")
 _DAY = 86_400.0  # s
@@ -114,16 +127,23 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         )
     # Words about the recording may say time, too.
     line = max(named, key=lambda at: (text_tables.separator_of(head[at]) != " ", len(titles[at])))
-    separator, time, samples = text_tables.separator_of(head[line]), _time_at(titles[line]), head[line + 1 :]
-    known = chain(*(cells for _, cells in text_tables.cells_of(samples, separator)))
-    commas = text_tables.has_decimal_commas(known, separator)
+    separator, time, samples = (
+        text_tables.separator_of(head[line]),
+        _time_at(titles[line]),
+        [*head[line + 1 :], *texts],
+    )
+    cells_of_lines = [cells for _, cells in text_tables.cells_of(samples, separator)]
+    of_taxels = (cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time)
+    thousands = text_tables.thousands_mark(of_taxels) or ""
+    of_times = (cells[time] for cells in cells_of_lines if len(cells) > time)
+    commas = text_tables.has_decimal_commas(of_times if thousands else chain(*cells_of_lines), separator)
 
     def numbers(text: str) -> FloatArray | None:
         """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
             cells = cells[time:] + cells[:time] * (len(cells) == time + 1)
-            filled = [cell or "nan" for cell in cells]
+            filled = [cells[0], *(cell.replace(thousands, "") or "nan" for cell in cells[1:])]
             first, *others = text_tables.with_points(filled, separator, commas)
             row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
         except ValueError:
@@ -153,7 +173,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     def frames() -> Iterator[Frame | str]:
         """Give the frames as they stand in the file."""
         last = 0.0
-        for text in chain(samples, texts):
+        for text in samples:
             row = numbers(text)
             if row is None or len(row) != width or (np.isnan(row) != dead).any():
                 yield text
@@ -191,7 +211,10 @@ def _order(times: FloatArray) -> NDArray[np.intp] | None:
     if not (steps < 0).any():
         return None
     order = np.argsort(times, kind="stable")
-    usual = np.median(np.abs(steps[steps != 0]))
+    anew = 10 * (steps < 0).sum() < len(
+        steps
+    )  # seldom, else lines are shuffled, and their steps are of any size
+    usual = np.median(np.abs(steps[steps != 0]) if anew else np.diff(times[order]))
     near = (np.diff(times[order]) < usual / 4).sum() > (np.abs(steps) < usual / 4).sum()
     return None if near else order
 
@@ -222,7 +245,7 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
     inside = bracketed[1] if bracketed else ""
     behind = _TIME_WORD.sub("", title.replace(f"{bracketed[0]}" if bracketed else "\0", ""))
     for text in (inside, behind, *re.split(r"[\W_]+", behind)):
-        unit = re.sub(r"[\W\d_]", "", text).lower()
+        unit = re.sub(r"[^\w\ufffd]|[\d_]", "", text).lower()  # a mark for what the encoding lost stays
         found = next((seconds for form, seconds in _UNITS.items() if re.fullmatch(form, unit)), None)
         if found is not None:
             return found, None
