@@ -185,7 +185,8 @@ def compare(base: Run | str | Path, new: Run | str | Path) -> list[Difference]:
     """
     from tactsim.bench import compare as comparing
 
-    return comparing.compare(*(one if isinstance(one, Run) else Run.load(one) for one in (base, new)))
+    before, after = (one if isinstance(one, Run) else Run.load(one) for one in (base, new))
+    return comparing.compare(before, after)
 
 
 def submit(
@@ -210,7 +211,7 @@ def submit(
     from tactsim.bench.places import check_new_file
 
     _check_jobs(jobs)
-    check_new_file(Path(out), Path(task), suffix=".zip")
+    check_new_file(Path(out), Path(task), suffix=bundles.SUFFIX)
     with _reporting(progress) as report:
         bundle, _ = submitted(
             str(task), Method(estimator, options), title=title, reproducible=reproducible, jobs=jobs, cache=cache,

@@ -40,10 +40,10 @@ class Difference:
     verdict: str = ""
 
 
-def compare(base: Run, new: Run) -> list[Difference]:
+def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
     """Compare two runs of one protocol trial by trial.
 
-    Gated, with paired bootstrap intervals at 97.5 % each: the share of readings after which the letter
+    Gated, with paired bootstrap intervals of `level` each: the share of readings after which the letter
     is right, over all trials, and the placement error after the last reading where both have named
     the letter and its place is known; without such trials it is left out. Reported: accuracy with McNemar's
     exact test at some readings, readings to settle, time.
@@ -58,14 +58,16 @@ def compare(base: Run, new: Run) -> list[Difference]:
     kind = base.kind
     readings = min(base.readings, new.readings)
     right = [run.trials.right[:, :readings] for run in (base, new)]
-    rows = [paired(f"share of {kind.touches} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1)]
+    rows = [
+        paired(f"share of {kind.touches} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1, level)
+    ]
     both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
     for one in scored:  # of an object whose place nobody knows there is no error
         both &= np.isfinite(one.error[:, readings - 1])
     if both.any():
         for name, measure in kind.errors.items():
             pair = [measure(one)[both, readings - 1] for one in scored]
-            rows.append(paired(name.format(readings), pair[0], pair[1], rng, -1))
+            rows.append(paired(name.format(readings), pair[0], pair[1], rng, -1, level))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = [each[:, reading - 1] for each in right]
         rows.append(
@@ -106,9 +108,11 @@ def paired_interval(difference: FloatArray, rng: np.random.Generator, level: flo
     return float(low), float(high)
 
 
-def paired(name: str, base: FloatArray, new: FloatArray, rng: np.random.Generator, good: int) -> Difference:
+def paired(
+    name: str, base: FloatArray, new: FloatArray, rng: np.random.Generator, good: int, level: float = LEVEL
+) -> Difference:
     """Compare a figure trial by trial, (n,) each; good: +1 if more is better, -1 if less is."""
-    low, high = paired_interval(new - base, rng, LEVEL)
+    low, high = paired_interval(new - base, rng, level)
     worse, better = (high < 0, low > 0) if good > 0 else (low > 0, high < 0)
     verdict = "worse" if worse else "better" if better else "same" if len(base) >= FEWEST_PAIRS else "too few"
     return Difference(name, float(base.mean()), float(new.mean()), low, high, verdict=verdict)

@@ -109,7 +109,7 @@ def check_new_file(
             raise InputError(f"{option} {path}: the command reads or writes that besides; name another file")
         if not picture and path.exists():
             raise InputError(f"{option} {path} exists; name another file")
-        if not path.suffix.lower().endswith(ending := picture or suffix):
+        if not path.name.lower().endswith(ending := picture or suffix):
             raise InputError(f"{option} {path}: name it FILE{ending}")
 
 

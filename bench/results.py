@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import html
-import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -16,20 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactsim.bench import kinds
-from tactsim.bench.config import EACH
+from tactsim.bench import columns, kinds
 from tactsim.bench.kinds import PLANE, Kind
 from tactsim.bench.score import CURVES, errors, summarise
 from tactsim.bench.trials import TrialPlan, Trials
-from tactsim.core import InputError, rigid
+from tactsim.core import InputError
 from tactsim.core.checking import checked
-from tactsim.core.documents import read_json, read_text
-from tactsim.core.errors import counted, short
+from tactsim.core.documents import read_json
+from tactsim.core.errors import counted
 from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
-from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
-from tactsim.core.rigid import checked_poses
-from tactsim.core.scan import is_label
 from tactsim.models.shapes import LARGEST_FILE, shape
 
 if TYPE_CHECKING:
@@ -240,7 +234,7 @@ class Run:
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Give the trials as columns, one row a trial and reading, as trials.csv and times.csv name them."""
-        return columns(self.trials)
+        return columns.columns(self.trials)
 
     def table(self) -> Any:
         """Give the columns and the placement error, `error_mm`, as a pandas DataFrame; without pandas, as arrays."""
@@ -372,10 +366,8 @@ BADLY_EXPLAINED = (
     "explained worse than the training's: other places, lighter presses, another pad, an unknown object?"
 )
 _OFTEN = 0.25  # a share of the readings that neither chance nor a rough world reaches
+PACKED = "trials.npz"  # what a bundle keeps in place of the tables of a run's folder
 SHAPES = "shapes"  # a run's folder of the files of the user's own shapes
-_LARGEST_TABLE = 1 << 30  # bytes
-
-
 # bounds.csv: one row per trial and reading, in the same order; only where the bound is known.
 BOUND_COLUMNS = ("truth", "trial", "reading_number", "bound_mm")
 
@@ -442,13 +434,12 @@ def save(run: Run, folder: Path) -> None:
     write_text(folder / "run.json", to_json(about))
     kind = run.kind
     kind.save_objects(run.objects, folder)
-    table = columns(run.trials)
-    write_text(folder / "trials.csv", write_table(kind.columns, table))
-    write_text(folder / "times.csv", write_table(kind.time_columns, table))
+    table = run.columns()
+    write_text(folder / "trials.csv", columns.write_csv(kind.columns, table))
+    write_text(folder / "times.csv", columns.write_csv(kind.time_columns, table))
     if run.bounds is not None:
-        write_text(
-            folder / "bounds.csv", write_table(BOUND_COLUMNS, table | {"bound_mm": run.bounds.ravel()})
-        )
+        bounds = table | {"bound_mm": run.bounds.ravel()}
+        write_text(folder / "bounds.csv", columns.write_csv(BOUND_COLUMNS, bounds))
     for path in run.shape_files:
         (folder / SHAPES).mkdir(exist_ok=True)
         write_bytes(folder / SHAPES / path.name, read_bytes(path, LARGEST_FILE))
@@ -511,16 +502,20 @@ def load(path: str | Path) -> Run:
         raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {kind.schema}")
     try:
         config = checked(kind.about, about, "run.json").config  # type: ignore[attr-defined]
-        trials = _trials(
-            read_table(folder / "trials.csv", kind.columns),
-            read_table(folder / "times.csv", kind.time_columns),
-            config.hold_out,
-            kind,
-        )
-        bounds = None
+        if (folder / PACKED).is_file():  # as a bundle keeps it
+            table = columns.read_columns(folder / PACKED, kind)
+        else:
+            table = columns.read_csv(folder / "trials.csv", kind.columns)
+            times = columns.read_csv(folder / "times.csv", kind.time_columns)
+            columns.same_rows("times.csv", times, table)
+            table |= times
+        trials = columns.trials_of(table, config.hold_out, kind)
         if (folder / "bounds.csv").is_file():
-            bounds = _bounds(read_table(folder / "bounds.csv", BOUND_COLUMNS), trials)
-        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bounds, folder)
+            bounds = columns.read_csv(folder / "bounds.csv", BOUND_COLUMNS)
+            columns.same_rows("bounds.csv", bounds, table)
+            table |= bounds
+        bound = columns.bounds_of(table, trials) if "bound_mm" in table else None
+        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bound, folder)
     except InputError as error:
         raise InputError(f"{folder} is not a whole run: {error}") from error
     kept = tuple(folder / SHAPES / Path(path).name for path in config.shapes)
@@ -530,118 +525,6 @@ def load(path: str | Path) -> Run:
 def to_json(value: Any) -> str:
     """Write JSON with sorted keys, one entry a line. Raises ValueError for NaN and infinity."""
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
-
-
-def columns(trials: Trials) -> dict[str, NDArray[Any]]:
-    """Give the columns of trials.csv and times.csv, one row a trial and reading."""
-    readings = np.arange(1, trials.label.shape[1] + 1)
-    kind = kinds.load(trials.kind)
-    values = {"truth": trials.truth[:, None], "trial": trials.trial[:, None], kind.number: readings}
-    for before, of in kind.poses.items():
-        array = getattr(trials, of)
-        values |= {f"{before}{name}": array[..., place] for place, name in enumerate(kind.pose)}
-    return {
-        name: np.broadcast_to(
-            values[name] if name in values else getattr(trials, name), trials.label.shape
-        ).ravel()
-        for name in dict.fromkeys((*kind.columns, *kind.time_columns))
-    }
-
-
-def write_table(names: tuple[str, ...], table: Mapping[str, NDArray[Any]]) -> str:
-    """Write columns as CSV, each value so that it is read back to the bit."""
-    return csv_text(names, zip(*(table[name].tolist() for name in names), strict=True))
-
-
-def csv_text(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Write rows below their heads as CSV; None is an empty cell."""
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows([cell for _, cell in zip(heads, row, strict=True)] for row in rows)
-    return stream.getvalue()
-
-
-def read_table(path: Path, columns: tuple[str, ...]) -> dict[str, list[str]]:
-    """Read the columns of a CSV table, as text. Raises InputError if it is not whole or has other columns."""
-    try:
-        lines = list(csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline="")))
-    except (ValueError, csv.Error) as error:
-        raise InputError(f"{path} is not a whole table: {error}") from error
-    header, rows = lines[:1], lines[1:]
-    if header != [list(columns)] or not rows or any(len(row) != len(columns) for row in rows):
-        raise InputError(f"{path} does not have the columns {', '.join(columns)} in every row")
-    return {name: list(values) for name, values in zip(columns, zip(*rows, strict=True), strict=True)}
-
-
-def _trials(
-    table: Mapping[str, list[str]], times: Mapping[str, list[str]], hold_out: Sequence[str], kind: Kind
-) -> Trials:
-    number = _integers(table, kind.number)
-    readings = int(number.max())
-    trials, left = divmod(len(number), max(readings, 1))
-    if left or not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
-        raise InputError("trials.csv: rows are missing")
-    if any(times[name] != table[name] for name in ("truth", "trial", kind.number)):
-        raise InputError("times.csv does not have the rows of trials.csv")
-    shape = trials, readings
-
-    def poses(before: str) -> FloatArray:
-        found = np.stack([_floats(table, f"{before}{name}").reshape(shape) for name in kind.pose], axis=-1)
-        return checked_poses(found, f"trials.csv: {before}pose") if kind.pose == rigid.POSE else found
-
-    truth = _labels(table, "truth")[::readings]
-    columns: dict[str, Any] = {
-        "truth": truth,
-        "known": ~(np.isin(truth, list(hold_out)) | (list(hold_out) == [EACH])),
-        "trial": _integers(table, "trial")[::readings],
-        "true_pose": poses("true_"),
-        "label": _labels(table, "label").reshape(shape),
-        "pose": poses(""),
-        "evaluations": _integers(table, "evaluations").reshape(shape),
-        **{name: _floats(table, name).reshape(shape) for name in ("p_truth", "p_label")},
-        **{name: _floats(table, name, unknown=True).reshape(shape) for name in ("credibility", "radius_90")},
-        **{name: _floats(times, name).reshape(shape) for name in ("update_s", "estimate_s", "propose_s")},
-    }
-    columns["reading"] = (_integers(table, "reading") if "reading" in table else number - 1).reshape(shape)
-    begins = {name: before for before, name in kind.poses.items()}
-    for name in (one.name for one in fields(kind.trials) if one.name not in columns):  # the kind's own
-        columns[name] = poses(begins[name]) if name in begins else _integers(table, name).reshape(shape)
-    return kind.trials(**columns)
-
-
-def _bounds(table: Mapping[str, list[str]], trials: Trials) -> FloatArray:
-    of_trials = columns(trials)
-    if any(table[name] != [str(value) for value in of_trials[name].tolist()] for name in BOUND_COLUMNS[:-1]):
-        raise InputError("bounds.csv does not have the rows of trials.csv")
-    bounds = _floats(table, "bound_mm").reshape(trials.label.shape)
-    if (bounds <= 0).any():
-        raise InputError("bounds.csv: a bound is not above 0")
-    return bounds
-
-
-def _integers(table: Mapping[str, list[str]], name: str) -> NDArray[np.int64]:
-    try:
-        return np.array(table[name], dtype=np.int64)
-    except (ValueError, OverflowError) as error:
-        raise InputError(f"the column {name} holds what is no whole number of 64 bits") from error
-
-
-def _floats(table: Mapping[str, list[str]], name: str, unknown: bool = False) -> FloatArray:
-    """Read a column of finite numbers; with `unknown`, an entry may be "nan"."""
-    try:
-        values = np.array(table[name], dtype=np.float64)
-    except ValueError as error:
-        raise InputError(f"the column {name} holds what is no number") from error
-    finite(np.where(np.isnan(values), 0, values) if unknown else values, f"the column {name}")
-    return values
-
-
-def _labels(table: Mapping[str, list[str]], name: str) -> NDArray[np.str_]:
-    for label in dict.fromkeys(table[name]):
-        if not is_label(label):
-            raise InputError(f"{name}: {short(label)} is empty, too long or not printable")
-    return np.array(table[name])
 
 
 def sweep_order(path: Path) -> dict[str, int]:

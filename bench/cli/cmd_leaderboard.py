@@ -1,4 +1,4 @@
-"""`bench leaderboard`: make a static site of the bundles in a folder."""
+"""`bench leaderboard`: make a page of the bundles in a folder."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of bundles (*.zip).")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of bundles (*.tar.xz).")],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -18,7 +18,7 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Rank the methods of a folder of bundles, task by task, and write a site of static pages."""
+    """Rank the methods of a folder of bundles, task by task, and write a page of them."""
     from tactsim.bench.cli.app import FAILED
     from tactsim.bench.leaderboard.site import check_out, write_site
     from tactsim.bench.leaderboard.standings import read_folder

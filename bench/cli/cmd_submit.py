@@ -35,14 +35,14 @@ def command(
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
     from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
-    from tactsim.bench.leaderboard.bundle import DONE, figures_of, write_bundle
+    from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, figures_of, write_bundle
     from tactsim.bench.leaderboard.submit import Method, submit
     from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
 
-    check_new_file(out, Path(task), suffix=".zip")
+    check_new_file(out, Path(task), suffix=SUFFIX)
     method = Method(estimator, key_values(options or [], "--set"))
     with progress_bars() as progress:
         bundle, output = submit(

@@ -31,6 +31,14 @@ def command(
             "settled_95 and the error at the end.",
         ),
     ] = None,
+    rank: Annotated[
+        str | None,
+        typer.Option(
+            "--rank",
+            metavar="FIGURE",
+            help="Order the methods by this figure, such as error@20, and say which ranks the tests leave to each.",
+        ),
+    ] = None,
 ) -> None:
     """Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled."""
     from tactsim.bench.report.collect import find
@@ -41,10 +49,16 @@ def command(
     folders, remarks = find(runs)
     pools = pool(map(load, folders))
     asked = figures or tables.usual_figures(pools)
+    ranks = None
+    if rank is not None:
+        from tactsim.bench.leaderboard.ranking import rank_words, ranked
+
+        ranking = ranked(pools, rank)
+        pools, ranks = list(ranking.pools), [rank_words(places) for places in ranking.ranks]
     if to is Format.CSV:
-        typer.echo(tables.csv_table(pools, asked), nl=False)
+        typer.echo(tables.csv_table(pools, asked, ranks), nl=False)
     else:
-        rows = tables.plain_rows(pools, asked)
+        rows = tables.plain_rows(pools, asked, ranks)
         latex = to is Format.LATEX
         table = tables.latex_table(rows, tables.meaning(pools)) if latex else tables.markdown_table(rows)
         typer.echo(table, nl=False)

@@ -41,9 +41,8 @@ def command(
     import numpy as np
 
     from tactsim.bench.console import plain_console
-    from tactsim.bench.leaderboard.bundle import Machine, Record, bundle_hash, read_bundle, write_record
+    from tactsim.bench.leaderboard.bundle import Record, bundle_hash, read_bundle, write_record
     from tactsim.bench.leaderboard.verify import verify
-    from tactsim.bench.machine import machine, versions
     from tactsim.bench.places import saved
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import InputError, printable
@@ -70,21 +69,18 @@ def command(
         made = Record(
             bundle=bundle_hash(bundle),
             verified=verdict.verified,
-            exact=verdict.exact,
             said=printable(verdict.said),
             again=verdict.again,
             trials=verdict.trials,
-            fresh=fresh,
-            other_code=verdict.other_code,
             seed=None if full else chosen,
-            machine=Machine.model_validate(machine()),
-            versions=versions(),
             commit=git_commit(),
             made=datetime.now(UTC).isoformat(timespec="seconds"),
         )
         return write_record(made, bundle)
 
-    with saved(save if record else None) as place:
+    # What other code does not confirm is not refuted.
+    counts = verdict.verified or not verdict.other_code
+    with saved(save if record and counts else None) as place:
         console = plain_console()
         console.print(f"{read.method} on {read.task}", style="bold")
         for note in verdict.notes:

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.columns import column
 from tactsim.bench.formats.scan_document import is_of_a_run
 from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
@@ -39,9 +40,6 @@ _DATASETS = {
     "moments": (("press",), "", "the share of its press's load at which each reading was taken"),
     "views": (("press",), "", "which of its object's pictures each reading belongs to"),
 }
-_PLACES = [f"{of}{axis}" for of in ("", "true_", "start_") for axis in "xyz"]  # in the plane some of these
-_OF_TRIALS = dict.fromkeys([*_PLACES, "radius_90"], "mm")
-_OF_TRIALS |= {"theta": "rad", "true_theta": "rad", "update_s": "s", "estimate_s": "s", "propose_s": "s"}
 
 
 def write_scan(scan: Scan, stream: IO[bytes]) -> None:
@@ -71,7 +69,8 @@ def write_run(run: Run, stream: IO[bytes]) -> None:
     with h5py.File(content, "w") as file:
         file.attrs.update({"kind": "tactsim run", "version": 1})
         for name, values in run.columns().items():
-            _add(file, name, values, _OF_TRIALS.get(name, ""), f"{name} of each trial and reading")
+            of = column(name)
+            _add(file, name, values, of.unit, of.what)
         about = np.array(to_json({"config": run.config, **run.about}))
         _add(file, _OF_A_RUN, about, "", "what was asked and what it was done with, JSON")
     stream.write(content.getbuffer())

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.compare import FEWEST_PAIRS, mcnemar
+from tactsim.bench.runs.pooled import Pooled, figure_of, parts_of
+from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 
 LEVEL = 0.05  # of a table: the chance that any two equal methods of it are called different
@@ -112,3 +114,84 @@ def ranks(better: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Give the best and the worst rank that each method can have, from which (m, m) row is better than which column."""
     above, below = better.sum(axis=0), better.sum(axis=1)
     return [(1 + int(a), len(better) - int(b)) for a, b in zip(above, below, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Methods that had the same trials, the best first by the figure that ranks.
+
+    ranks: of each pool the best and the worst that the tests leave. by: the figure that ranks, one of accuracy_by and
+    error_by, by which all pairs are compared.
+    """
+
+    pools: tuple[Pooled, ...]
+    ranks: tuple[tuple[int, int], ...]
+    by: str
+    accuracy_by: str
+    error_by: str
+    accuracies: Accuracies
+    errors: Errors
+
+    def p(self, i: int, j: int) -> float:
+        """Give the corrected p value of the i-th against the j-th in the figure that ranks."""
+        of = self.accuracies if self.by == self.accuracy_by else self.errors
+        return float(of.p[i, j])
+
+
+def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Ranking:
+    """Rank pools of runs by a figure such as error@20; what is the same by it stands in the order of the other one.
+
+    by, other: one an accuracy (right@N), the other an error (error@N, error_all@N), `other` by default right@5 or the
+    error over all trials at the end. Raises InputError for another figure, and for pools that do not have the same
+    trials.
+    """
+    last = min(one.readings for one in pools)
+    kinds = {"right": 0, "error": 1, "error_all": 1}
+    if parts_of(by)[0] not in kinds:
+        raise InputError(f"methods are ranked by right@N, error@N or error_all@N, not by {by}")
+    of_error = kinds[parts_of(by)[0]] == 1
+    other = other or (f"right@{min(5, last)}" if of_error else f"error_all@{last}")
+    accuracy_by, error_by = (other, by) if of_error else (by, other)
+    pools = sorted(pools, key=lambda one: (*(_loss(one, figure) for figure in (by, other)), one.label))
+    ids = [_ids(one) for one in pools]
+    if any(sorted(one) != sorted(ids[0]) for one in ids):
+        raise InputError("only methods that had the same trials are ranked")
+    orders = [np.array(sorted(range(len(one)), key=one.__getitem__)) for one in ids]
+
+    def column(values: Sequence[NDArray]) -> NDArray:
+        return np.stack([of_one[order] for of_one, order in zip(values, orders, strict=True)])
+
+    right = [one.trials.right[:, int(parts_of(accuracy_by)[1]) - 1] for one in pools]
+    name, at = parts_of(error_by)
+    apart = [one.errors[:, int(at) - 1] for one in pools]
+    counted = [one.trials.named[:, int(at) - 1] if name == "error" else one.trials.known for one in pools]
+    accuracies = compare_accuracies(column(right))
+    errors = compare_errors(column(apart), column(counted), pools[0].counts[:, orders[0]])
+    if of_error:
+        better = (errors.p <= LEVEL) & (errors.difference < 0)
+    else:
+        better = (accuracies.p <= LEVEL) & (accuracies.wins > accuracies.wins.T)
+    return Ranking(tuple(pools), tuple(ranks(better)), by, accuracy_by, error_by, accuracies, errors)
+
+
+def rank_words(places: tuple[int, int]) -> str:
+    """Write the range of ranks that a method can have."""
+    best, worst = places
+    return f"{best}" if best == worst else f"{best}–{worst}"
+
+
+def _ids(one: Pooled) -> list[tuple[int, str, int]]:
+    """Name each trial of a pool: seed, letter, number within the letter."""
+    return [
+        (run.seed, letter, number)
+        for run in one.runs
+        for letter, number in zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
+    ]
+
+
+def _loss(one: Pooled, figure: str) -> float:
+    """Give a number that is smaller for the better; infinity where the figure is undefined."""
+    value = figure_of(one, figure).value
+    if value is None:
+        return np.inf
+    return -value if parts_of(figure)[0] == "right" else value

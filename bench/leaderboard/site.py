@@ -1,42 +1,39 @@
-"""Write a leaderboard as a static site: pages that open from a disk, pictures, CSV, and the bundles themselves."""
+"""Write a leaderboard as a static site: one page that opens from a disk, every figure as CSV, and the bundles."""
 
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
-import re
 import shlex
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from urllib.parse import quote
 
-from tactsim.bench.leaderboard import drawings, figure_words, solved
+import matplotlib as mpl
+from matplotlib.figure import Figure as Sheet
+
+from tactsim.bench.columns import csv_text
 from tactsim.bench.leaderboard.bundle import record_path
-from tactsim.bench.leaderboard.ranking import LEVEL
+from tactsim.bench.leaderboard.ranking import LEVEL, rank_words
 from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
-from tactsim.bench.results import csv_text
-from tactsim.core.errors import counted
-from tactsim.core.files import KeptBeside, new_folder, write_bytes, write_text
+from tactsim.bench.report.pareto import frontier
+from tactsim.bench.report.picture import look
+from tactsim.bench.runs.figures import as_bytes, plain_log
+from tactsim.bench.runs.pooled import cell
+from tactsim.bench.runs.tables import heading
+from tactsim.core.files import KeptBeside, new_folder, write_text
 
-Key = TypeVar("Key")
 _ASSETS = "leaderboard/assets/"
-_SCRIPTS = ("report/assets/sorting.js", f"{_ASSETS}tables.js")
-_STYLES = ("report/assets/page.css", f"{_ASSETS}leaderboard.css")
 _MARK = "made-by-bench-leaderboard.txt"  # a folder with this file may be replaced
-_LEAD = (
-    "Ways to recognise an object by touch, on frozen tasks: which object is it, and where, after a few readings of a "
-    "tactile pad. All methods of a task got the same readings in the same trials."
-)
+_SCHEMES = {"light": ("#ffffff", "#161b22", "#d9dee5"), "dark": ("#161b23", "#e8ecf2", "#2c3440")}
+_LONGEST = 34  # characters of a label in a legend
 FIGURES = ("task", "task_data", "method", "estimator", "file", "status", "rank_best", "rank_worst", "figure", "value",
            "low", "high", "trials", "scans")  # fmt: skip
-PAIRS = ("task", "task_data", "method", "other", "accuracy", "only_method_right", "only_other_right", "mcnemar_p",
-         "error", "difference", "difference_low", "difference_high", "bootstrap_p")  # fmt: skip
 
 
 def check_out(out: Path) -> None:
@@ -70,78 +67,74 @@ def write_site(folder: Folder, out: Path) -> None:
 
 
 def _write(folder: Folder, inside: Path) -> None:
-    pages = _names("tasks", {(of.task, of.data): _task_slug(of) for of in folder.standings})
-    entered: dict[str, list[tuple[Standings, Entrant]]] = {}
-    for of in folder.standings:
-        for one in (*of.ranked, *of.unranked):
-            entered.setdefault(one.bundle.method, []).append((of, one))
-    entered = dict(sorted(entered.items()))
-    links = _names("methods", {method: method for method in entered})
-    files = {one: f"bundles/{quote(one.path.name)}" for one in folder.entrants}
-    tables = {"Every figure, as CSV": "figures.csv", "Every pair of methods, as CSV": "pairs.csv"}
-
     (inside / "bundles").mkdir()
     for one in folder.entrants:
         for path in (one.path, record_path(one.path)) if one.check else (one.path,):
             shutil.copyfile(path, inside / "bundles" / path.name)
     write_text(inside / "figures.csv", csv_text(FIGURES, _figures(folder.standings)))
-    write_text(inside / "pairs.csv", csv_text(PAIRS, _pairs(folder.standings)))
-
-    def page(name: str, template: str, title: str, lead: str, **context: Any) -> None:
-        text = render(
-            f"{_ASSETS}{template}.html", scripts=_SCRIPTS, styles=_STYLES, title=title, lead=lead,
-            home="../" if "/" in name else "", version=version("tactsim"), words=figure_words, drawings=drawings,
-            pages=pages, links=links, files=files, **context,
-        )  # fmt: skip
-        write_text(inside / name, text)
-
-    for of in folder.standings:
-        name = pages[of.task, of.data]
-        pictures, drawn = _pictures(of, inside / "pictures" / Path(name).stem)
-        bundles = {one.label: files[one] for one in (*of.ranked, *of.unranked)}
-        machines = dict.fromkeys(_machine(one) for one in of.ranked)
-        lead = of.known.line if of.known else f"Another version's task or data: {of.data}"
-        page(
-            name, "task", of.task, lead,
-            of=of, pictures=pictures, offered=tables | drawn, bundles=bundles, machines=list(machines),
-            level=f"{LEVEL:g}",
-        )  # fmt: skip
-    for method, entries in entered.items():
-        lead = counted(len(entries), "bundle")
-        page(links[method], "method", method, lead, entries=entries, command=command, facts=_facts)
-    known = [of for of in folder.standings if of.known and of.ranked]
-    if known:
-        charts = [("All tasks", None, known), *((of.task, of, [of]) for of in known)]
-        page(
-            "all/solved.html", "solved", "Targets solved", "Which share of all targets a method reaches, and how soon.",
-            charts=[(name, of, _shown_solved(group)) for name, of, group in charts], targets=solved.TARGETS,
-            count=len(known),
-        )  # fmt: skip
-    page("index.html", "index", "tactsim leaderboard", _LEAD, folder=folder, entered=entered, offered=tables)
+    page = render(
+        f"{_ASSETS}page.html",
+        scripts=("report/assets/sorting.js",),
+        styles=("report/assets/page.css", f"{_ASSETS}leaderboard.css"),
+        title="tactsim leaderboard", version=version("tactsim"), folder=folder, level=f"{LEVEL:g}",
+        heading=heading, cell=cell, rank=rank_words, drawn=_drawn, command=command, facts=_facts, place=_place,
+        machines=lambda of: list(dict.fromkeys(_machine(one) for one in of.ranked)),
+    )  # fmt: skip
+    write_text(inside / "index.html", page)
     write_text(inside / _MARK, "A static site, made by `bench leaderboard`, which may replace this folder.\n")
 
 
-def _pictures(of: Standings, stem: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Draw run time against error: for the page by its light, and as files beside it, by what they are."""
-    drawn = {scheme: drawings.time_picture(of, scheme) for scheme in ("light", "dark")}
-    files = {"svg": drawn["light"], "png": drawings.time_picture(of, "light", "png")}
-    offered = {}
-    for kind, content in files.items():
-        if content is not None:
-            write_bytes(stem.with_name(f"{stem.name}.{kind}"), content)
-            offered[f"Run time against error, as {kind.upper()}"] = f"pictures/{stem.name}.{kind}"
-    return {scheme: _address(content) for scheme, content in drawn.items() if content is not None}, offered
+def _place(one: Entrant) -> str:
+    return f"bundles/{quote(one.path.name)}"
 
 
-def _shown_solved(standings: Sequence[Standings]) -> dict[str, str]:
-    """Draw what has been solved of these tasks, for the page by its light."""
-    lines = solved.solved(standings)
-    return {scheme: _address(solved.picture(lines, scheme)) for scheme in ("light", "dark")}
+def _drawn(of: Standings) -> dict[str, str]:
+    """Draw run time against error, for the page by its light, as an address that it can name; {} without an error."""
+    drawn = {scheme: time_picture(of, scheme) for scheme in _SCHEMES}
+    return {
+        scheme: f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+        for scheme, svg in drawn.items()
+        if svg is not None
+    }
 
 
-def _address(svg: bytes) -> str:
-    """Write a picture as an address that a page can name."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+def time_picture(of: Standings, scheme: str = "light") -> bytes | None:
+    """Draw processor time against error on a ground of `scheme`, as SVG; None if no method has an error."""
+    if of.ranking is None:
+        return None
+    by = of.ranking.error_by
+    found = [(one, one.ms_per_reading, one.figure(by)) for one in of.ranked]
+    points = [(one, ms, error, error.value) for one, ms, error in found if error.value and ms > 0]
+    if not points:
+        return None
+    ground, ink, line = _SCHEMES[scheme]
+    style: dict[Any, Any] = {"text.parse_math": False}  # labels are no formulas
+    style |= dict.fromkeys(
+        ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink
+    )
+    with mpl.rc_context(style):
+        sheet = Sheet(figsize=(9, max(4.2, 0.21 * len(points) + 0.6)), layout="constrained", facecolor=ground)
+        axes = sheet.subplots()
+        axes.set_facecolor(ground)
+        for one, ms, error, value in points:
+            colour, marker = look(one.number, scheme)
+            if error.low is not None and error.high is not None:
+                axes.plot([ms, ms], [max(error.low, 1e-9), error.high], color=colour, lw=0.9)
+            label = one.label if len(one.label) <= _LONGEST else f"{one.label[: _LONGEST - 1]}…"
+            axes.plot([ms], [value], ls="", marker=marker, ms=7, color=colour, label=label)
+        first = frontier([ms for _, ms, _, _ in points], [value for *_, value in points])
+        corners = sorted((ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best)
+        axes.plot(*zip(*corners, strict=True), color="#999999", lw=7, alpha=0.3, solid_capstyle="round", zorder=0,
+                  drawstyle="steps-post")  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="processor time of a reading, ms", ylabel=heading(by))
+        for axis in (axes.xaxis, axes.yaxis):
+            plain_log(axis)
+        axes.grid(which="major", lw=0.5, color=line)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.margins(0.08)
+        sheet.legend(loc="outside right upper", frameon=False, fontsize=9)
+        return as_bytes(sheet, "svg", dpi=160)
 
 
 def command(one: Entrant) -> str:
@@ -163,33 +156,24 @@ def _option(value: Any) -> str:
 
 def _facts(one: Entrant) -> dict[str, str | None]:
     """Say what ran, where and with which code."""
-    bundle = one.bundle
+    bundle, check = one.bundle, one.check
     options = ", ".join(f"{name} {_option(value)}" for name, value in bundle.options.items())
     return {
-        "estimator": bundle.estimator,
-        "from": bundle.package or "tactsim itself",
+        "estimator": f"{bundle.estimator}, from {bundle.package or 'tactsim itself'}",
         "options given": options or "none: the defaults",
         "described as": bundle.runs[0].about["description"] if bundle.runs else None,
         "reproducible": "yes: the same bits again"
         if bundle.reproducible
         else "no: within what chance allows",
-        "made": bundle.made,
-        "commit of tactsim": bundle.commit or "unknown",
+        "made": f"{bundle.made}, at commit {bundle.commit or 'unknown'}",
         "hash of the source": bundle.source_hash,
         "hash of the readings": bundle.task_data,
         "versions": ", ".join(f"{name} {version}" for name, version in bundle.versions.items()),
-        "checked": _checked(one),
+        "checked": "not yet"
+        if check is None
+        else f"{check.said} ({check.made}, commit {check.commit or 'unknown'})",
         "machine": _machine(one),
     }
-
-
-def _checked(one: Entrant) -> str:
-    if one.check is None:
-        return "not yet: unconfirmed"
-    check = one.check
-    chosen = "" if check.seed is None else f", with --seed {check.seed}"
-    by = f"by commit {check.commit or 'unknown'} on {check.machine.processor}, {check.made}{chosen}"
-    return f"{check.said}: {check.again} of {check.trials} trials were done again {by}"
 
 
 def _machine(one: Entrant) -> str:
@@ -210,28 +194,3 @@ def _figures(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
                 found = one.figure(figure)
                 yield *who, *one.rank, figure, found.value, found.low, found.high, *counts
             yield *who, *one.rank, "ms", one.ms_per_reading, None, None, *counts
-
-
-def _pairs(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
-    """Give the comparison of every pair of ranked methods."""
-    for of in standings:
-        for one in of.pairs:
-            yield (
-                of.task, of.data, one.first.label, one.second.label, of.accuracy_by, one.won, one.lost, one.accuracy_p,
-                of.error_by, one.difference, one.low, one.high, one.error_p,
-            )  # fmt: skip
-
-
-def _task_slug(of: Standings) -> str:
-    return of.task if of.known else f"{of.task}-{of.data[:12]}"
-
-
-def _names(folder: str, words: Mapping[Key, str]) -> dict[Key, str]:
-    """Name a page for each key after its words, in signs that are safe in a path, no two alike."""
-    found: dict[Key, str] = {}
-    for key, text in words.items():
-        name = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:60]
-        if not name or f"{folder}/{name}.html" in found.values():
-            name = f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}".strip("-")
-        found[key] = f"{folder}/{name}.html"
-    return found

@@ -73,7 +73,6 @@ def submit(
         runs = limited_runs(wanted, jobs=jobs, cache=cache, limits=limits, progress=progress)
     except NoScore as error:
         status, output = error.status, error.output
-    small, digests = kept(runs)
     bundle = Bundle(
         task=Path(asked.name).name,
         task_data=hashes,
@@ -88,8 +87,7 @@ def submit(
         commit=git_commit(),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         package=package_of(method),
-        runs=small,
-        digests=digests,
+        runs=kept(runs),
     )
     options = [method.estimator, *(f"{name} {value}" for name, value in method.options.items())]
     return replace(bundle, method=title or (bundle.pooled.label if runs else ", ".join(options))), output

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.bench.columns import csv_text
 from tactsim.bench.report.pareto import points
 from tactsim.bench.report.recognition import Replayed
-from tactsim.bench.results import csv_text
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import error_limits
 from tactsim.bench.trials import Trials

@@ -35,7 +35,7 @@ from tactsim.bench.score import (
 )
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
-from tactsim.core.errors import counted, short, unknown
+from tactsim.core.errors import counted, unknown
 from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
@@ -329,7 +329,7 @@ def cell(one: Pooled, figure: str) -> str:
 
     Raises InputError for an unknown figure or a reading that the runs do not have.
     """
-    name, _, at = figure.partition("@")
+    name, at = parts_of(figure)
     if "," in at:
         return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
     found = figure_of(one, figure)
@@ -340,7 +340,7 @@ def cell(one: Pooled, figure: str) -> str:
         return value if low == high == value else f"{value} ({low}-{high})"
     if found.value is None:
         return "-"
-    value, *ends = in_digits(found, 2 if name in ("error", "efficiency", "sharpness") else 3)
+    value, *ends = in_digits(found, 2 if name in ("error", "error_all", "efficiency", "sharpness") else 3)
     return f"{value} ({'-'.join(ends)})" if ends else value
 
 
@@ -355,9 +355,15 @@ def in_digits(found: Figure, least: int) -> list[str]:
     return next((texts for texts in rounded if len(set(texts[1:])) > 1), rounded[0])
 
 
+def parts_of(figure: str) -> tuple[str, str]:
+    """Split a figure, such as right@5 or accuracy@5, into its name in a table and its reading, "" if there is none."""
+    name, _, at = figure.partition("@")
+    return _METRICS.get(name, name), at
+
+
 def figure_of(one: Pooled, figure: str) -> Figure:
     """Work out one figure of a pool, such as right@5. Raises InputError as `cell` does."""
-    name, _, at = figure.partition("@")
+    name, at = parts_of(figure)
     if name in READINGS and not at:
         return READINGS[name](one)
     if name == "recovered_within_3" and not at:
@@ -369,8 +375,6 @@ def figure_of(one: Pooled, figure: str) -> Figure:
         if not 1 <= reading <= readings:
             raise InputError(f"the figure {figure} asks for reading {reading} of {readings}")
         return CURVES[name](one, reading - 1)
-    if name in _METRICS:
-        raise InputError(f"unknown figure {short(figure)}: did you mean '{_METRICS[name]}@{at or 5}'?")
     raise unknown(
         "figure", figure, (*READINGS, "recovered_within_3", "ms", *(f"{curve}@5" for curve in CURVES))
     )
@@ -420,6 +424,7 @@ def _sharpness(one: Pooled, k: int) -> Figure:
 CURVES: dict[str, Callable[[Pooled, int], Figure]] = {
     "right": _right,
     "error": _error,
+    "error_all": lambda one, k: one.mean(one.errors[:, k], of=one.trials.known),
     "bound": _bound,
     "efficiency": _efficiency,
     "coverage_50": lambda one, k: _coverage(one, k, 0.5),
@@ -435,10 +440,14 @@ READINGS: dict[str, Callable[[Pooled], Figure]] = {
     "all_right_from": Pooled.all_right_from,
 }
 # What a run's metrics are called here.
-_METRICS = {"accuracy": "right", "error_mm": "error", "bound_mm": "bound", "error_over_bound": "efficiency"}
+_METRICS = {
+    "accuracy": "right", "error_mm": "error", "error_all_mm": "error_all", "bound_mm": "bound",
+    "error_over_bound": "efficiency",
+}  # fmt: skip
 HEADINGS = {
     "right": "right after {}",
     "error": "error after {}, mm",
+    "error_all": "error over all trials after {}, mm",
     "bound": "Cramer-Rao bound after {}, mm",
     "efficiency": "error / bound after {}",
     "coverage_50": "50 % regions hold the truth after {}",

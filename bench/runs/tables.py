@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from tactsim.bench.results import csv_text
-from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, figure_of
+from tactsim.bench.columns import csv_text
+from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, figure_of, parts_of
 from tactsim.core.errors import counted
 
 Rows = Sequence[Sequence[str]]
@@ -27,31 +27,29 @@ def usual_figures(pools: Sequence[Pooled]) -> list[str]:
     return [*dict.fromkeys(f"right@{min(k, last)}" for k in (1, 5)), "settled_95", f"error@{last}"]
 
 
-def plain_rows(pools: Sequence[Pooled], figures: Sequence[str]) -> list[list[str]]:
+def plain_rows(
+    pools: Sequence[Pooled], figures: Sequence[str], ranks: Sequence[str] | None = None
+) -> list[list[str]]:
     """Write a row for each pool, figures with their intervals; what all of them share is in no column.
 
-    Raises InputError for an unknown figure or a reading that the runs do not have.
+    ranks: of the pools, a column in front. Raises InputError for an unknown figure or a reading that the runs do not
+    have.
     """
-    return _rows(
-        pools, [heading(figure) for figure in figures], lambda one: [cell(one, figure) for figure in figures]
+    marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
+    shown = [(name, values) for name, values in marks if len(set(values)) > 1]
+    rows = [["method", *(name for name, _ in shown), *(heading(figure) for figure in figures)]]
+    for number, one in enumerate(pools):
+        cells = [cell(one, figure) for figure in figures]
+        rows.append([one.label, *(values[number] for _, values in shown), *cells])
+    return (
+        rows if ranks is None else [[first, *row] for first, row in zip(["rank", *ranks], rows, strict=True)]
     )
 
 
 def heading(figure: str) -> str:
     """Say in words what a figure such as right@5 is."""
-    name, _, at = figure.partition("@")
+    name, at = parts_of(figure)
     return HEADINGS.get(name, name).format(at.replace(",", ", "))
-
-
-def _rows(
-    pools: Sequence[Pooled], heads: Sequence[str], cells: Callable[[Pooled], list[str]]
-) -> list[list[str]]:
-    marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
-    shown = [(name, values) for name, values in marks if len(set(values)) > 1]
-    rows = [["method", *(name for name, _ in shown), *heads]]
-    for number, one in enumerate(pools):
-        rows.append([one.label, *(values[number] for _, values in shown), *cells(one)])
-    return rows
 
 
 def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:
@@ -122,7 +120,7 @@ def _in_latex(text: str) -> str:
     return re.sub(r"(?<=\d)-(?=\d|later|\$-)", "--", signed)  # an interval
 
 
-def csv_table(pools: Sequence[Pooled], figures: Sequence[str]) -> str:
+def csv_table(pools: Sequence[Pooled], figures: Sequence[str], ranks: Sequence[str] | None = None) -> str:
     """Write a row for each pool as CSV, every figure as a number with the ends of its interval, empty where unknown.
 
     Raises InputError as `plain_rows` does.
@@ -132,13 +130,14 @@ def csv_table(pools: Sequence[Pooled], figures: Sequence[str]) -> str:
     )  # fmt: skip
     numbers = [f"{figure}{end}" for figure in figures for end in ("", "_low", "_high")]
     rows = []
-    for one in pools:
+    first = [[rank] for rank in ranks] if ranks else [[]] * len(pools)
+    for rank, one in zip(first, pools, strict=True):
         found = [figure_of(one, figure) for figure in figures]
         rows.append(
             [
-                one.protocol, one.task, one.run.estimator, one.method, *(one.budget or ("", "", ""))[::2],
+                *rank, one.protocol, one.task, one.run.estimator, one.method, *(one.budget or ("", "", ""))[::2],
                 one.seeds, len(one.trials.truth), one.readings,
                 *(part for figure in found for part in (figure.value, figure.low, figure.high)),
             ]
         )  # fmt: skip
-    return csv_text([*who, *numbers], rows)
+    return csv_text([*(["rank"] if ranks else []), *who, *numbers], rows)

@@ -17,15 +17,17 @@ from pathlib import Path
 
 from page_blocks import exit_status, fill_blocks, fill_page
 
-from tactsim.bench.leaderboard.figure_words import MISSING, heading, number, rank, text_of
+from tactsim.bench.leaderboard.ranking import rank_words
 from tactsim.bench.leaderboard.standings import Entrant, Standings, read_folder
 from tactsim.bench.runs.paper import Printed
-from tactsim.bench.runs.tables import markdown_table
+from tactsim.bench.runs.pooled import cell
+from tactsim.bench.runs.tables import heading, markdown_table
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit
 
 _SEEN = (1, 2, 3, 5, 10, 20)
+MISSING = "–"
 
 
 def fill(text: str, standings: Sequence[Standings]) -> str:
@@ -60,13 +62,18 @@ def _table(of: Standings) -> str:
 
 
 def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
-    accuracies = " / ".join(number(one.figure(f"accuracy@{at}"), "accuracy") for at in seen)
-    bound = one.figure(f"efficiency@{of.readings}")
     again = f"{one.check.again} of {one.check.trials}" if one.check and one.confirmed else "unconfirmed"
+    bound = _cell(one, f"efficiency@{of.readings}").partition(" ")[0]
+    assert one.rank is not None
     return [
-        rank(one.rank), _escaped(one.label), text_of(one.figure(of.by), of.by), accuracies,
-        text_of(one.figure(last), last), number(bound, "efficiency"), f"{one.ms_per_reading:.3g}", again,
+        rank_words(one.rank), _escaped(one.label), _cell(one, of.by), _cell(one, f"right@{','.join(map(str, seen))}"),
+        _cell(one, last), bound, f"{one.ms_per_reading:.3g}", again,
     ]  # fmt: skip
+
+
+def _cell(one: Entrant, figure: str) -> str:
+    """Write a figure with its interval, between whose ends is a dash."""
+    return MISSING if (text := cell(one.pooled, figure)) == "-" else text.replace("-", "–")
 
 
 def _paper_row(row: Printed, of: Standings, seen: Sequence[int]) -> list[str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from page_blocks import exit_status
 
-from tactsim.bench.leaderboard.bundle import Bundle, read_bundle, record_path
+from tactsim.bench.leaderboard.bundle import SUFFIX, Bundle, read_bundle, record_path
 from tactsim.core import InputError
 from tactsim.core.source_digest import git_commit
 
@@ -42,9 +42,9 @@ def renew(folder: Path, workshop: Path, commit: str | None) -> int:
     commit: that which the new bundles name. Raises InputError for a bundle that cannot be read, or of which `bench`
     makes no other one that it can confirm.
     """
-    paths = sorted(folder.glob("*.zip"))
+    paths = sorted(folder.glob(f"*{SUFFIX}"))
     if not paths:
-        raise InputError(f"{folder} holds no bundle (*.zip)")
+        raise InputError(f"{folder} holds no bundle (*{SUFFIX})")
     wanted = {path: submission(read_bundle(path)) for path in paths}
     workshop.mkdir(parents=True, exist_ok=True)
     for number, (path, words) in enumerate(wanted.items(), start=1):

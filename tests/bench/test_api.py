@@ -96,7 +96,7 @@ def test_python_sweeps_compares_and_submits_as_the_command_line_does(tmp_path, u
     rows = tactsim.compare(next((tmp_path / "out" / "runs").glob("nearest*")), runs[1])
     assert rows[0].name == "share of readings right"
     with pytest.raises(tactsim.InputError, match="unknown estimator"):
-        tactsim.submit("letters-v1", "nearst", tmp_path / "bundle.zip")
+        tactsim.submit("letters-v1", "nearst", tmp_path / "bundle.tar.xz")
 
 
 def test_a_run_is_saved_loaded_and_drawn(run, tmp_path):

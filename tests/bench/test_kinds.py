@@ -35,7 +35,7 @@ class UprightConfig(RunConfig):
 
 
 class UprightHistogram(HistogramFilter):
-    KIND = "upright"
+    kind = "upright"
 
 
 class Upright(Plane):

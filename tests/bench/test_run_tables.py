@@ -63,7 +63,7 @@ def test_latex_escapes_what_means_something_to_it_and_sets_intervals():
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--figure", "accuracy@2"], "unknown figure 'accuracy@2': did you mean 'right@2'?"),
+        (["--figure", "rigth@5"], "unknown figure 'rigth@5': did you mean 'right@5'?"),
         (["--to", "tex"], "'--to': unknown word 'tex': did you mean 'latex'?"),
     ],
 )

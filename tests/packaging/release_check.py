@@ -70,7 +70,7 @@ def of_tables(root: Path) -> Iterator[str]:
 
 def of_leaderboard(root: Path) -> Iterator[str]:
     """Check that every bundle of results/leaderboard was verified as it is, and confirmed."""
-    for bundle in sorted((root / "results" / "leaderboard").glob("*.zip")):
+    for bundle in sorted((root / "results" / "leaderboard").glob("*.tar.xz")):
         try:
             record = read_record(bundle)
         except InputError as error:

@@ -19,5 +19,4 @@ def make_bundle(seeds=(0, 1), **changes):
         "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"}, "commit": None,
         "made": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    small, digests = kept(runs)
-    return Bundle(**said | changes, runs=small, digests=digests)
+    return Bundle(**said | changes, runs=kept(runs))

@@ -4,15 +4,7 @@ import numpy as np
 from made_up import make_run
 
 from tactsim.bench.config import RunConfig
-from tactsim.bench.leaderboard.bundle import (
-    DONE,
-    Bundle,
-    Machine,
-    Record,
-    bundle_hash,
-    kept,
-    write_record,
-)
+from tactsim.bench.leaderboard.bundle import DONE, Bundle, Record, bundle_hash, kept, write_record
 from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
@@ -21,12 +13,11 @@ from tactsim.core.poses import compose
 from tactsim.estimators import NONE
 
 
-def record_of(bundle, *, verified=True, said="all the same", other_code=False):
+def record_of(bundle, *, verified=True, said="all the same"):
     """Record beside the file of a bundle what came of doing 20 of its trials again."""
     record = Record(
-        bundle=bundle_hash(bundle), verified=verified, exact=verified, said=said, again=20, trials=250, seed=7,
-        other_code=other_code,
-        machine=Machine(processor="made up", cores=1, system="none"), versions={}, commit="e" * 40, made="2026-01-02",
+        bundle=bundle_hash(bundle), verified=verified, said=said, again=20, trials=250, seed=7, commit="e" * 40,
+        made="2026-01-02",
     )  # fmt: skip
     return write_record(record, bundle)
 
@@ -51,8 +42,7 @@ def entered(
         "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"},
         "commit": "c" * 40, "made": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    small, digests = kept(runs)
-    return Bundle(**said | changes, runs=small, digests=digests)
+    return Bundle(**said | changes, runs=kept(runs))
 
 
 def _run(asked, of, method, skill, mm, seconds, seed, bounds):

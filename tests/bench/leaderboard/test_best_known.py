@@ -4,12 +4,14 @@ import pytest
 from best_known_results import main
 from entered import entered
 
+from tactsim.bench.config import RunConfig
 from tactsim.bench.leaderboard import best_known
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.standings import read_folder
 from tactsim.bench.tasks import task
 
 TASK = "active-v1"
+DEFAULT = RunConfig.model_fields["estimator"].default
 
 
 @pytest.fixture
@@ -21,12 +23,12 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_file_has_the_first_of_each_task_and_is_shown(folder, here):
-    write_bundle(entered("good", TASK, skill=2.5, mm=0.1), folder / "good.zip")
-    write_bundle(entered("poor", TASK, skill=0.7, mm=6.0), folder / "poor.zip")
-    write_bundle(entered("refined", TASK, skill=0.6, mm=7.0), folder / "refined.zip")
-    write_bundle(entered("failed", "slip-v1", status="crashed"), folder / "failed.zip")
-    write_bundle(entered("other", TASK, skill=9.0, mm=0.0, task_data="f" * 64), folder / "other-data.zip")
-    write_bundle(entered("own", TASK, skill=9.0, mm=0.0, task="mine-v1.toml"), folder / "own.zip")
+    write_bundle(entered("good", TASK, skill=2.5, mm=0.1), folder / "good.tar.xz")
+    write_bundle(entered("poor", TASK, skill=0.7, mm=6.0), folder / "poor.tar.xz")
+    write_bundle(entered(DEFAULT, TASK, skill=0.6, mm=7.0), folder / "default.tar.xz")
+    write_bundle(entered("failed", "slip-v1", status="crashed"), folder / "failed.tar.xz")
+    write_bundle(entered("other", TASK, skill=9.0, mm=0.0, task_data="f" * 64), folder / "other-data.tar.xz")
+    write_bundle(entered("own", TASK, skill=9.0, mm=0.0, task="mine-v1.toml"), folder / "own.tar.xz")
     assert main([str(folder)]) == 0
     found = best_known.best_known()
     assert set(found) == {TASK}

@@ -1,4 +1,4 @@
-"""The leaderboard as a site: its pages from the disk, in a real browser, and by the command that makes it."""
+"""The leaderboard as a page: from the disk, in a real browser, and by the command that makes it."""
 
 import csv
 import shutil
@@ -37,9 +37,9 @@ def folder(tmp_path_factory):
         "old": entered("old", TASK, task_data="d" * 64),
     }
     for name, bundle in bundles.items():
-        write_bundle(bundle, place / f"{name}.zip")
-    record_of(place / "good.zip", said=f"all the same {IMAGE}")
-    (place / "cut.zip").write_bytes((place / "good.zip").read_bytes()[:500])
+        write_bundle(bundle, place / f"{name}.tar.xz")
+    record_of(place / "good.tar.xz", said=f"all the same {IMAGE}")
+    (place / "cut.tar.xz").write_bytes((place / "good.tar.xz").read_bytes()[:500])
     return place
 
 
@@ -79,7 +79,7 @@ def pages_of(site):
 @pytest.mark.long
 def test_every_link_leads_to_a_file_and_none_to_a_network(site):
     pages = pages_of(site)
-    assert len(pages) == 1 + 2 + 5 + 1  # a task, and with other data; five methods; all tasks
+    assert len(pages) == 1
     for page in pages:
         for link in Reader(page).links:
             if link.startswith(("data:", "#")):
@@ -92,7 +92,7 @@ def test_no_name_becomes_markup(site):
     for page in pages_of(site):
         tags = Reader(page).tags
         assert tags.count("script") == 1, page  # the page's own
-        assert tags.count("img") == {"tasks": 1, "all": 2}.get(page.parent.name, 0), page
+        assert tags.count("img") == 2, page  # a picture a task
 
 
 def test_the_tables_are_there_as_csv(found, site):
@@ -106,16 +106,13 @@ def test_the_tables_are_there_as_csv(found, site):
     figure = found.standings[0].ranked[0].figure("error_all_mm@10")
     assert [float(one[name]) for name in ("value", "low", "high")] == [figure.value, figure.low, figure.high]
     assert (one["rank_best"], one["rank_worst"], one["trials"], one["scans"]) == ("1", "1", "250", "5")
-    pairs = rows("pairs.csv")
-    assert len(pairs) == 3
-    assert ("good", "fair") in {(row["method"], row["other"]) for row in pairs}
 
 
 @pytest.mark.long
 def test_the_same_bundles_give_the_same_bytes_and_replace_the_site(folder, site, tmp_path):
     out = tmp_path / "site"
     shutil.copytree(site, out)
-    (out / "methods" / "gone.html").write_text("a method that was taken out")
+    (out / "bundles" / "gone.tar.xz").write_text("a method that was taken out")
     write_site(read_folder(folder), out)
     assert [path.name for path in tmp_path.iterdir()] == ["site"]
 
@@ -148,16 +145,16 @@ def test_a_site_that_could_not_be_made_whole_leaves_the_one_before(found, site, 
 
 def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, here, tmp_path):
     (tmp_path / "mine").mkdir()
-    for name in ("stuck.zip", "cut.zip"):
+    for name in ("stuck.tar.xz", "cut.tar.xz"):
         shutil.copy(folder / name, tmp_path / "mine")
     made = here("leaderboard", "mine")
     assert (made.returncode, made.stdout) == (1, "site  mine/site/index.html\n")
     assert [line.partition(":")[0] for line in made.stderr.splitlines() if "bundles" not in line] == [
-        "unreadable  cut.zip"
+        "unreadable  cut.tar.xz"
     ]
-    (tmp_path / "mine" / "cut.zip").unlink()
+    (tmp_path / "mine" / "cut.tar.xz").unlink()
     assert here("leaderboard", "mine").returncode == 0
-    refused(here("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.zip)")
+    refused(here("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.tar.xz)")
     assert not (tmp_path / "other").exists()
 
 
@@ -167,11 +164,7 @@ def test_pages_open_from_a_disk_in_any_width_and_light(site, tmp_path):
     faults = []
     with browser(tmp_path / "profile") as context:
         for scheme, width in (("light", 1280), ("dark", 360)):
-            for path in (
-                site / "index.html",
-                site / "tasks" / "active-v1.html",
-                *site.glob("methods/*b*.html"),
-            ):
+            for path in (site / "index.html",):
                 page = context.new_page()
                 page.set_viewport_size({"width": width, "height": 800})
                 page.emulate_media(color_scheme=scheme)

@@ -1,13 +1,13 @@
-"""What holds for every measurement model that is listed in `BUILT_IN`."""
+"""What holds for every measurement model that is listed in `LIKELIHOODS`."""
 
 import numpy as np
 import pytest
 from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import transform
-from tactsim.estimators.likelihoods.likelihood import BUILT_IN
+from tactsim.estimators.likelihoods.likelihood import LIKELIHOODS
 
-every_model = pytest.mark.parametrize("name", BUILT_IN)
+every_model = pytest.mark.parametrize("name", LIKELIHOODS)
 
 
 @pytest.fixture(scope="module")
