@@ -18,7 +18,7 @@ import numpy as np
 from tactsim.attach.geom_gap import body_of
 from tactsim.attach.pad_reader import Layer, PadReader, touchable
 from tactsim.attach.pad_relief import relief_surface
-from tactsim.attach.pad_surface import PadSurface, pad_surface
+from tactsim.attach.pad_surface import PadSurface, pad_axes, pad_surface
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.pad import Pad
@@ -27,6 +27,7 @@ from tactsim.core.poses import FloatArray
 _THIN = 1.0  # mm between two arrays, below which they are on each other
 _WITHIN = 0.01  # mm from an array's rim to the first of the points that may not lie on another array
 _ACROSS = 50  # of these points
+_ASKEW = 0.4  # by which no part of a unit vector may change
 _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 
 
@@ -69,9 +70,12 @@ class AttachedPad:
         if len(geoms) > 1 or kind == mujoco.mjtGeom.mjGEOM_MESH:
             surface = relief_surface(model, geoms, self.normal, self.at, what)
         else:
-            surface = pad_surface(kind, size, self.normal, self.at, str(names[0]))
+            axes = pad_axes(self.normal)
+            if isinstance(self.geoms[0], mujoco.MjsGeom) and self.geoms[0].meshname:
+                axes = _fitted(kind, axes, model.mesh_quat[model.mesh(self.geoms[0].meshname).id])
+            surface = pad_surface(kind, size, axes, self.at, str(names[0]))
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE and too_large(surface):
-                surface = pad_surface(kind, size, self.normal, self.at, str(names[0]), over_ends=True)
+                surface = pad_surface(kind, size, axes, self.at, str(names[0]), over_ends=True)
         if too_large(surface):
             ends = [*surface.face.low, *surface.face.high]
             raise InputError(
@@ -99,7 +103,8 @@ def attach(
     spec: or a compiled model. geom: the name of a geom or of a body or, in a spec, one of them itself; on a body
     the pad lies on all of its geoms that can touch, on what is seen of them against `normal`.
     normal: (3,) in the geom's frame, and in the body's for a mesh or several geoms: where the pad's middle looks, by
-    default +z, and +x on a capsule or a cylinder. The pad's rows run along +y, which is the frame's z (its y where
+    default +z, and +x on a capsule or a cylinder. Where a spec has MuJoCo fit a geom to a mesh, its frame is that in
+    the file; a compiled model knows only MuJoCo's own. The pad's rows run along +y, which is the frame's z (its y where
     the pad looks along z); columns along +x = y cross normal. at: mm along the pad's x and y from the middle of the
     geom's face, or of all that is seen of a mesh or of several geoms.
     stiffness: kPa/mm of the layer on the surface (assumed). psf_sigma: mm, standard deviation of the point
@@ -133,12 +138,16 @@ def attach(
 def bind(model: mujoco.MjModel, pads: Iterable[AttachedPad]) -> list[PadReader]:
     """Bind several pads to the compiled model, as `AttachedPad.bind` does each.
 
+    Where geoms with a pad each touch, both layers give way, one behind the other.
+
     Raises InputError also if two arrays overlap on one body.
     """
     pads = list(pads) if isinstance(pads, Iterable) else [pads]
     if wrong := [pad for pad in pads if not isinstance(pad, AttachedPad)]:
         raise InputError(f"among the pads is {short(wrong[0])}; give a list of what `attach` returned")
     readers = [pad.bind(model) for pad in pads]
+    for reader in readers:
+        reader.beside(readers)
     for (number, other), (index, reader) in combinations(enumerate(readers), 2):
         if _overlap(reader, other) or _overlap(other, reader):
             body = model.body(model.geom_bodyid[reader.geom]).name
@@ -147,6 +156,38 @@ def bind(model: mujoco.MjModel, pads: Iterable[AttachedPad]) -> list[PadReader]:
                 "`normal`, or give both as one array"
             )
     return readers
+
+
+def _fitted(kind: int, axes: FloatArray, quat: FloatArray) -> FloatArray:
+    """Turn a pad's axes (3, 3) from the frame that a file gives a geom into MuJoCo's, which fits it to a mesh.
+
+    quat: (4,), of the mesh: its principal axes in the file's. They are rarely those of the file to the last digit, so
+    the axes are turned on to the nearest with which a pad lies on a geom of this kind, if they are within _ASKEW.
+    """
+    turned = np.empty(9)
+    mujoco.mju_quat2Mat(turned, quat)
+    axes = turned.reshape(3, 3).T @ axes
+    if kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        nearest = np.round(axes)
+    elif kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER):
+        across = abs(axes[2, 2]) < np.sqrt(
+            0.5
+        )  # the pad looks across the geom's axis, along which its y lies
+        y, z = axes[:, 1].copy(), axes[:, 2].copy()
+        if across:
+            y, z[2] = np.array([0.0, 0.0, np.copysign(1.0, y[2])]), 0.0
+        else:
+            y[2], z = 0.0, np.array([0.0, 0.0, np.copysign(1.0, z[2])])
+        y, z = y / np.linalg.norm(y), z / np.linalg.norm(z)
+        nearest = np.column_stack([np.cross(y, z), y, z])
+        if across and abs(axes[2, 1]) < np.sqrt(
+            0.5
+        ):  # the file's z axis is not the geom's: its rows lie as they can
+            return nearest
+    else:
+        return axes
+    askew = np.abs(nearest - axes).max() > _ASKEW or abs(np.linalg.det(nearest) - 1) > 1e-9
+    return axes if askew else nearest
 
 
 def _overlap(reader: PadReader, other: PadReader) -> bool:

@@ -23,6 +23,7 @@ _LINES_A_PITCH_OF_STEPS = 25
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 12
+_WIDER = 4  # fine lattices, each wider than the one before where that had force on a side
 _OVER_CHORD = math.pi / 2  # length along a round face over that straight through it, at most
 _POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
@@ -294,23 +295,38 @@ def widen(
 ) -> tuple[Reals1D, Reals1D]:
     """Widen low and high, (2,) mm, to all that is below the face of a body that is sunk until a load is balanced.
 
-    A geom that no line met has no contact point, but may stand so little higher that the layer carries it, too: met
-    (p,) is changed.
+    A geom without a contact point, or an end of one, may stand so little higher that the layer carries it, too: met
+    (p,) is changed. Of a cell the lowest point counts, as its neighbours' gaps tell it.
     """
+    if len(met) == 1:
+        return low, high
+    gaps = np.empty((_SEARCH, _SEARCH))
     for geom in range(len(met)):
         middle, reach = place(face, pose.positions[geom : geom + 1])[0], _OVER_CHORD * body.radii[geom]
         first, last = np.maximum(middle - reach, face.low), np.minimum(middle + reach, face.high)
         size = (last - first) / _SEARCH
-        if met[geom] or not (np.isfinite(size) & (size > 0)).all():
+        if not (np.isfinite(size) & (size > 0)).all():
             continue
         alone = np.arange(len(met)) == geom
         u, v = np.linspace(first[0], last[0], _SEARCH + 1), np.linspace(first[1], last[1], _SEARCH + 1)
         cover = union_gaps(*among(body, pose, alone), lay_lattice(face, u, v), face.depth + sunk)
-        for cell in cover.cell[cover.gap < 0]:
-            corner = np.array([u[cell // _SEARCH], v[cell % _SEARCH]])
-            low = np.minimum(low, np.maximum(corner - size, face.low))
-            high = np.maximum(high, np.minimum(corner + 2 * size, face.high))
-            met[geom] = True
+        gaps[:] = np.inf
+        for i in range(len(cover.cell)):
+            gaps[cover.cell[i] // _SEARCH, cover.cell[i] % _SEARCH] = cover.gap[i]
+        for column in range(_SEARCH):
+            for row in range(_SEARCH):
+                here, falls = gaps[column, row], 0.0
+                if here == np.inf:
+                    continue
+                for i in range(max(column - 1, 0), min(column + 2, _SEARCH)):
+                    for j in range(max(row - 1, 0), min(row + 2, _SEARCH)):
+                        if gaps[i, j] < np.inf:
+                            falls = max(falls, gaps[i, j] - here)
+                if here - falls / 2 < 0:
+                    corner = np.array([u[column], v[row]])
+                    low = np.minimum(low, np.maximum(corner - size, face.low))
+                    high = np.maximum(high, np.minimum(corner + 2 * size, face.high))
+                    met[geom] = True
     return low, high
 
 
@@ -334,8 +350,21 @@ def beside(face: Face, load: Load) -> bool:
 
 
 @compiled(called_from_python=False)
-def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tuple[Carried, float]:
-    """Let the layer carry a load: what it carries, and how far it gives way, mm.
+def fine_lines(
+    face: Face, taxels: Taxels, low: Reals1D, high: Reals1D, several: bool
+) -> tuple[Reals1D, Reals1D]:
+    """Lay the edges of the lattice that gives the pressure over what lies between low and high, (2,) mm."""
+    least, most, a_pitch = _LINES_OF_SEVERAL if several else _LINES[0], _LINES[1], _LINES_A_PITCH
+    if stepped(face, low, high):
+        most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
+    count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / taxels.pitch), least), most)
+    u = np.linspace(low[0], high[0], int(count[0]) + 1)
+    return u, np.linspace(low[1], high[1], int(count[1]) + 1)
+
+
+@compiled(called_from_python=False)
+def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tuple[Carried, float, bool]:
+    """Let the layer carry a load: what it carries, how far it gives way, mm, and whether all that touches was found.
 
     All forces are 0 where the body touches beside the face alone.
     """
@@ -347,13 +376,15 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
     middle = place(face, load.centre.reshape(1, 3))[0]
     carried = Carried(np.zeros((1, 1)), np.zeros((2, 1)), low[:1].copy(), low[:1].copy())
     if beside(face, load):
-        return carried, 0.0
-    for _ in range(_SEARCHES):
+        return carried, 0.0, True
+    for search in range(_SEARCHES):
         if (high <= low).any():
             break
+        before_low, before_high = low, high
         u, v = np.linspace(low[0], high[0], _SEARCH + 1), np.linspace(low[1], high[1], _SEARCH + 1)
         carried, met, moved, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
         size, cell = high - low, (high - low) / _SEARCH
+        last_one = search == _SEARCHES - 1
         first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
         for row in range(_SEARCH):
             for column in range(_SEARCH):
@@ -364,6 +395,7 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
             seen = np.minimum(np.maximum(middle, low), high)
             low, high = np.maximum(seen - cell, low), np.minimum(seen + cell, high)
             continue
+        low, high = low.copy(), high.copy()
         # What touches, with a cell more on every side, or much more where it reaches the side.
         grows = False
         for i in range(2):
@@ -373,26 +405,33 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
             low[i] = max(start - size[i] if below else start + (first[i] - 1) * cell[i], face.low[i])
             high[i] = min(high[i] + size[i] if above else start + (last[i] + 2) * cell[i], face.high[i])
             grows |= below or above
-        if grows:
+        if grows and not last_one:
             continue
         if (high - low < _POINT * taxels.pitch).all():
             break
-        if (high - low > size / 2).all():
+        if last_one or (high - low > size / 2).all():
+            if last_one:  # a slanting edge that is found by turns too short and too long
+                low, high = np.minimum(low, before_low), np.maximum(high, before_high)
             low, high = widen(face, body, moved, sunk, met, low, high)
             # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
             parts, moved = among(body, moved, met | (body.kind != FACETED))
-            least, most, a_pitch = _LINES[0], _LINES[1], _LINES_A_PITCH
-            if len(body.kind) > 1:
-                least = _LINES_OF_SEVERAL
-            if stepped(face, low, high):
-                most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
-            count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / taxels.pitch), least), most)
-            u = np.linspace(low[0], high[0], int(count[0]) + 1)
-            v = np.linspace(low[1], high[1], int(count[1]) + 1)
-            carried, _, _, sunk, _ = press_cells(face, taxels, parts, moved, load, u, v, sunk)
+            found = False
+            for _ in range(_WIDER):
+                u, v = fine_lines(face, taxels, low, high, len(body.kind) > 1)
+                carried, _, moved, sunk, _ = press_cells(face, taxels, parts, moved, load, u, v, sunk)
+                forces, wide, found = carried.forces, (high - low) / 2, True
+                below = (forces[0].any(), forces[:, 0].any())
+                above = (forces[-1].any(), forces[:, -1].any())
+                for i in range(2):
+                    if low[i] > face.low[i] and below[i]:
+                        low[i], found = max(low[i] - wide[i], face.low[i]), False
+                    if high[i] < face.high[i] and above[i]:
+                        high[i], found = min(high[i] + wide[i], face.high[i]), False
+                if found:
+                    break
             # A body that stands on its rim turns, and sinks, without end: that says nothing about the layer.
-            return carried, straight if load.spreads.any() else sunk
-    return carried, 0.0
+            return carried, straight if load.spreads.any() else sunk, found
+    return carried, 0.0, bool(carried.forces.any() or (high <= low).any())
 
 
 @compiled()
@@ -402,11 +441,11 @@ def press(
     """Let the layer carry what a rigid body does in each direction, and the taxels feel it.
 
     number: the body's among those of the contacts. Returns what each taxel feels, (3, rows, columns) N: the normal
-    force, and the friction along x and y, which is shared as that is. Then (7,): the normal force, what of it is on the
-    pad and the friction along x, y and z, N, how many contacts carry force, and how far the layer gives way, mm, where
-    most of a force is on the pad.
+    force, and the friction along x and y, which is shared as that is. Then (8,): the normal force, what of it is on the
+    pad and the friction along x, y and z, N, how many contacts carry force, of how many loads not all that touches was
+    found, and how far the layer gives way, mm, where most of a force is on the pad.
     """
-    images, sums = np.zeros((3, len(taxels.rows), len(taxels.columns))), np.zeros(7)
+    images, sums = np.zeros((3, len(taxels.rows), len(taxels.columns))), np.zeros(8)
     forces, pushes, shears, points, touched, geoms = turn_contacts(contacts, frames, number)
     groups, pose = group_contacts(pushes), pose_of(frames)
     # A load is on all geoms that may touch the face, but for those that touch it another way.
@@ -421,7 +460,7 @@ def press(
         load = load_of(forces[rows], pushes[rows], points[rows], touched[rows], frames.turning)
         shear = shears[rows].sum(axis=0)
         parts, there = among(body, pose, touching[:-1])
-        carried, sunk = carry(face, taxels, parts, there, load)
+        carried, sunk, found = carry(face, taxels, parts, there, load)
         image = np.zeros(images[0].shape)
         inside = spread_forces(carried, taxels, image)
         image = np.maximum(image, 0)
@@ -432,6 +471,7 @@ def press(
         sums[1] += inside
         sums[2:5] += shear
         sums[5] += len(rows)
+        sums[6] += not found
         if inside > load.force / 2:
-            sums[6] = max(sums[6], sunk)
+            sums[7] = max(sums[7], sunk)
     return images, sums

@@ -48,7 +48,8 @@ class PadReading:
     kpa: (taxels,) kPa, taxel = columns * row + column. shear_kpa: (taxels, 2) kPa along the pad's x and y: each body's
     friction, shared as its pressure is. force: N, the sum of MuJoCo's normal contact forces on the geom. outside: N,
     the part of `force` that the pad does not carry, because it acts on the geom beside the pad. shear: (3,) N, the
-    friction on the geom in the pad's frame. contacts: how many carry force.
+    friction on the geom in the pad's frame. contacts: how many carry force. found: whether the search found all that
+    touches; where it did not, kpa may be off by more than docs/attach.md says.
     """
 
     kpa: FloatArray
@@ -57,6 +58,7 @@ class PadReading:
     outside: float
     shear: FloatArray
     contacts: int
+    found: bool = True
 
 
 class PadReader:
@@ -76,6 +78,7 @@ class PadReader:
         self._area = (columns[0, 1] - columns[0, 0]) * (rows[0, 1] - rows[0, 0])
         self._bodies: dict[int, tuple[Body, NDArray[np.int64]]] = {}
         self._awake: mujoco.MjModel | None = None
+        self._softer: dict[int, float] = {}  # N/mm^3, of the layers on other geoms
         self._warned = False
         self._own = np.zeros(model.ngeom + 1, dtype=bool)  # the last: what is no geom
         self._own[list(geoms)] = True
@@ -94,6 +97,11 @@ class PadReader:
             first = model.body_dofadr[body]
             self._moves[body, first : first + model.body_dofnum[body]] = 1
         self._moves -= self._moves[model.geom_bodyid[self.geom]].copy()
+
+    def beside(self, readers: Sequence[PadReader]) -> None:
+        """Take note of the pads of other bodies: where their geoms touch this pad, their layers give way, too."""
+        for other in readers:
+            self._softer.update(dict.fromkeys(other.geoms, other._taxels.stiffness))
 
     @property
     def geom(self) -> int:
@@ -114,7 +122,7 @@ class PadReader:
         contact = data.contact
         own = self._own[contact.geom]
         (index,) = (own[:, 0] != own[:, 1]).nonzero()
-        images, sums = np.zeros((3, self.pad.taxels)), np.zeros(6)
+        images, sums = np.zeros((3, self.pad.taxels)), np.zeros(7)
         if len(index):
             forces = np.empty((len(index), 6))
             for row, number in enumerate(index.tolist()):
@@ -131,9 +139,9 @@ class PadReader:
                 image, figures = self._felt(data, body, contacts)
                 images += image
                 sums += figures
-        force, inside, _, _, _, count = sums.tolist()
+        force, inside, _, _, _, count, lost = sums.tolist()
         kpa = _KPA / self._area * images
-        return PadReading(kpa[0], kpa[1:].T, force, force - inside, sums[2:5], int(count))
+        return PadReading(kpa[0], kpa[1:].T, force, force - inside, sums[2:5], int(count), not lost)
 
     def _without_sleep(self, data: mujoco.MjData) -> mujoco.MjData:
         """Take the state with all contacts: MuJoCo drops those of what sleeps, on a pad that sleeps or never moves."""
@@ -162,7 +170,7 @@ class PadReader:
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
     def _felt(self, data: mujoco.MjData, body: int, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
-        """Let the layer carry what one rigid body does: (3, taxels) N, and (6,), as `press` gives them."""
+        """Let the layer carry what one rigid body does: (3, taxels) N, and (7,), as `press` gives them."""
         if body not in self._bodies:
             listed = self._felt_geoms[body]
             self._bodies[body] = body_of(self.model, listed.tolist()), listed
@@ -172,8 +180,13 @@ class PadReader:
         if self._centre != "mujoco":
             turning = self._moves[body][:, None] * data.cdof[:, :3] @ rotation
         frames = Frames(geoms, data.geom_xmat, data.geom_xpos, rotation, origin, turning)
-        images, sums = press(face, self._taxels, shape, frames, contacts, body)
-        if (sunk := sums[6]) > face.depth and not self._warned:
+        own, taxels = self._taxels.stiffness, self._taxels
+        touching = set(contacts.geoms[self._body_of[contacts.geoms] == body].tolist())
+        if touching <= self._softer.keys():
+            both = 1 / own + 1 / min(self._softer[geom] for geom in touching)
+            taxels = taxels._replace(stiffness=1 / both)
+        images, sums = press(face, taxels, shape, frames, contacts, body)
+        if (sunk := sums[7] * taxels.stiffness / own) > face.depth and not self._warned:
             self._warned = True
             warnings.warn(
                 f"the layer on geom {self.model.geom(self.geom).name!r} gives way by {sunk:.3g} mm under "
@@ -181,7 +194,7 @@ class PadReader:
                 "give it a larger stiffness",
                 stacklevel=3,
             )
-        return images.reshape(3, -1), sums[:6]
+        return images.reshape(3, -1), sums[:7]
 
 
 def touchable(model: mujoco.MjModel, geoms: Sequence[int]) -> NDArray[np.bool_]:

@@ -89,17 +89,16 @@ def _face(kind: int, size: FloatArray | float, low: FloatArray, high: FloatArray
 
 
 def pad_surface(
-    kind: int, size: FloatArray, normal: FloatArray, at: FloatArray, name: str, *, over_ends: bool = False
+    kind: int, size: FloatArray, axes: FloatArray, at: FloatArray, name: str, *, over_ends: bool = False
 ) -> PadSurface:
-    """Find the face of a primitive geom whose outward normal at its middle is `normal`, in the geom's frame.
+    """Find the face of a primitive geom on which a pad lies with these axes, (3, 3) in the geom's frame.
 
-    kind: mujoco.mjtGeom. size: (3,) m, as in mjModel.geom_size. at: (2,) mm, the pad's middle from the face's
-    middle along the pad's x and y. The pad's y is the geom's z axis, or its y axis where the face looks along z;
-    its x is y cross normal. over_ends: a capsule's side goes on over its ends, true to length along y.
+    kind: mujoco.mjtGeom. size: (3,) m, as in mjModel.geom_size. axes: columns x, y, z, as `pad_axes` lays them; z is
+    the outward normal at the pad's middle. at: (2,) mm, the pad's middle from the face's middle along the pad's x and
+    y. over_ends: a capsule's side goes on over its ends, true to length along y.
     Raises InputError, naming the geom, where it has no such face.
     """
     size = np.asarray(size) * _MM
-    axes = pad_axes(normal)
     normal = axes[:, 2]
     along = normal[2]
     geom = mujoco.mjtGeom

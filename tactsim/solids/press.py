@@ -96,12 +96,12 @@ def _laid(
     """
     import mujoco
 
-    from tactsim.attach.pad_surface import pad_surface
+    from tactsim.attach.pad_surface import pad_axes, pad_surface
 
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{body.upper()}")
     half_length = float(np.abs([low[1], high[1]]).max())
     surface = pad_surface(
-        kind, np.array([radius, half_length, 0]) / 1e3, np.array([1.0, 0, 0]), np.zeros(2), body
+        kind, np.array([radius, half_length, 0]) / 1e3, pad_axes(np.array([1.0, 0, 0])), np.zeros(2), body
     )
     beyond = np.maximum(surface.face.low - low, high - surface.face.high).max()
     if beyond > _EDGE:
