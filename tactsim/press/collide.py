@@ -31,7 +31,7 @@ from tactsim.models.letter import ConvexPart, Letter
 from tactsim.press.bed import MM, slopes
 from tactsim.press.points import Points, lattice, share
 from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part
+from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part, memory
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 
 # m. A sphere beside a letter's outline touches it from sqrt(2 radius depth) away, at most 3 um. Its centre stays above
@@ -46,7 +46,6 @@ _IMPEDANCE = 0.5  # of every constraint; its inverse weight is set to give the s
 _BALANCE = 1e-6  # share of the force that the contacts may miss
 _MOST_STEPS = 10
 _MOST_POINTS = 50_000
-_BYTES = 4_000  # of MuJoCo's memory for each point
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _MOST_SCENES = 16
 _THREAD = threading.local()  # a scene holds the state of one press, so threads do not share it
@@ -227,7 +226,7 @@ def _compile(setup: _Setup) -> _Scene:
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
-        <size memory="{_BYTES * len(points) + 10**6}"/>
+        <size memory="{memory(len(points))}"/>
         <option gravity="0 0 0" iterations="50" tolerance="0" ccd_tolerance="1e-12" ccd_iterations="200">
           <flag override="enable"/>
         </option>

@@ -8,6 +8,7 @@ presses: some bring MuJoCo or compiled loops.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,8 @@ from tactsim.press.bed import has_relief
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import EFFECTS, gains, hysteretic, sense
 from tactsim.press.touches import Pressed, Touches
+
+_MOST_OF_BED = 20_000  # cells of a pad, past which MuJoCo takes seconds to compile as many springs
 
 if TYPE_CHECKING:
     from tactsim.press.dynamics import ForceTrace
@@ -175,8 +178,11 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         return press.engine
     if has_relief(touches.letter, press):
         return "relief"
-    level = press.wrist_stiffness is None and not touches.tilts.any() and not touches.letter.rounding
-    return "exact" if level else "bed"
+    if touches.letter.rounding:
+        return "bed"
+    level = press.wrist_stiffness is None and not touches.tilts.any()
+    cells = math.prod(len(lines) - 1 for lines in options.cell_lines)
+    return "exact" if level or cells > _MOST_OF_BED else "bed"
 
 
 def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:

@@ -226,6 +226,7 @@ def _compile(setup: Setup, capacity: int) -> Scene:
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
         <compiler angle="radian"/>
+        <size memory="{memory(capacity)}"/>
         <option gravity="0 0 0" iterations="20" ccd_tolerance="1e-12" ccd_iterations="200"/>
         <default><geom contype="0" conaffinity="0" density="0"/></default>
         <worldbody>
@@ -254,6 +255,11 @@ def _compile(setup: Setup, capacity: int) -> Scene:
         gimbal_body=gimbal,
         tilt=np.zeros(2),
     )
+
+
+def memory(contacts: int) -> int:
+    """Give the bytes that MuJoCo needs for so many contacts; where they do not suffice it drops some."""
+    return 4_000 * contacts + 10**6
 
 
 def describe_carriage(geoms: str, mass: float, *, hinged: bool, height: float = 0.0) -> tuple[str, str]:

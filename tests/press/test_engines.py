@@ -10,7 +10,7 @@ from test_accuracy import LEAST_AREA
 
 from tactsim import models
 from tactsim.core import Pad, transform
-from tactsim.press import facet_kernels
+from tactsim.press import ScanOptions, facet_kernels, press_letter
 from tactsim.press.clip import covers
 from tactsim.press.engine import press_at
 from tactsim.press.points import lattice
@@ -161,3 +161,21 @@ def test_a_letter_that_tips_over_is_a_blank_with_its_reason():
 def test_a_press_has_tipped_over_at_the_same_tilt_whoever_presses():
     """Kernels take their constants from files of kernels, and those without kernels cannot import these."""
     assert MOST_TILT == facet_kernels.STEEPEST
+
+
+@pytest.mark.parametrize("engine", ["auto", pytest.param("bed", marks=pytest.mark.slow)])
+def test_a_fine_pad_reads_in_the_mean_what_a_coarse_one_does(engine):
+    """Of 120x120 taxels, whose springs do not fit into the memory that MuJoCo takes by itself."""
+
+    def pad(count, cells, **press):
+        side = 18.0 / count
+        taxels = Pad(
+            rows=count, columns=count, pitch_x=side, pitch_y=side, taxel_width=side, taxel_height=side, seam=None,
+            unread_columns=0,
+        )  # fmt: skip
+        options = ScanOptions(pad=taxels, press={"cells_per_taxel": cells, **press})
+        return press_letter(models.letter("H"), [1.0, 2.0, 0.3], options).ideal.reshape(count, count)
+
+    means = pad(120, 2, engine=engine).reshape(6, 20, 6, 20).mean(axis=(1, 3))
+    coarse = pad(6, 8)
+    assert means == pytest.approx(coarse, abs=2e-3 * coarse.max())
