@@ -147,7 +147,8 @@ def _load(content: bytes, kind: str) -> Trimesh:
                 mesh = Trimesh(corners, _triangles(corners, polygons), process=False)
             else:
                 if kind == "stl":  # without what follows its facets
-                    content = content[: 84 + 50 * int.from_bytes(content[80:84], "little")]
+                    faces = _binary_stl_faces(content) or 0
+                    content = content[:80] + faces.to_bytes(4, "little") + content[84 : 84 + 50 * faces]
                 elif kind == "3mf":
                     content = _one_model(content)
                 # Without a resolver, nothing but these bytes is read. Processing would hide values that are not finite.
@@ -183,10 +184,15 @@ def _text(content: bytes) -> str:
 
 
 def _text_stl(content: bytes) -> tuple[FloatArray, list[list[int]]]:
-    """Read the corners (v, 3) and facets of a text STL; trimesh wants a line for each corner, and good normals."""
+    """Read the corners (v, 3) and facets of a text STL, which may have more than three corners.
+
+    trimesh wants a line for each corner, three of them, and good normals.
+    """
     text = re.sub(r"\b(?:end)?solid\b(?:(?!facet\s+normal)[^\n])*", "", _text(content).lower())  # names
     corners = np.array(re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text), dtype=float).reshape(-1, 3)
-    return corners, np.arange(len(corners)).reshape(-1, 3).tolist()
+    ends = np.cumsum([len(re.findall(r"\bvertex\b", facet)) for facet in re.split(r"\bendfacet\b", text)])
+    facets = np.split(np.arange(len(corners)), ends[:-1])
+    return corners, [facet.tolist() for facet in facets if len(facet)]
 
 
 def _check_archive(archive: zipfile.ZipFile) -> None:
@@ -353,6 +359,10 @@ def _check_claims(content: bytes, kind: str) -> None:
     elif kind in ("glb", "gltf"):
         faces = _gltf_faces(content, kind)
     elif kind == "ply":
+        if re.search(rb"element\s+tristrips\s+[1-9]", content[:10_000]):
+            raise InputError(
+                "it has strips of triangles (tristrips), which are not read; export it with faces"
+            )
         faces = sum(map(int, re.findall(rb"element\s+face\s+(\d+)", content[:10_000])))
     else:
         faces = 0  # a 3MF claims none: `_check_archive` looks at its size
@@ -363,9 +373,12 @@ def _check_claims(content: bytes, kind: str) -> None:
 def _binary_stl_faces(content: bytes) -> int | None:
     """Count the facets that a binary STL claims and holds; None for a text, or a file cut short.
 
-    A text has characters where the number stands: as a number they claim gigabytes, whatever the header says.
+    A text has characters where the number stands: as a number they claim gigabytes, whatever the header says. A writer
+    that streams leaves 0 there: then the file's length tells.
     """
     faces = int.from_bytes(content[80:84], "little")
+    if not faces and len(content) > 84 and (len(content) - 84) % 50 == 0:
+        faces = (len(content) - 84) // 50
     return faces if len(content) >= 84 + 50 * faces else None
 
 

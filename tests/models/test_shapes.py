@@ -262,6 +262,43 @@ def test_corners_that_are_not_numbers(tmp_path, bad):
     assert "not a finite number" in refusal(path)
 
 
+SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+
+
+def test_facets_of_a_text_stl_may_have_four_corners(tmp_path):
+    """And a facet of two corners is none."""
+    corner = np.array([(x, y, z) for z in (0, 3) for y in (0, 10) for x in (0, 20)])
+    facets = ["".join(f"vertex {x} {y} {z}\n" for x, y, z in corner[list(side)]) for side in SIDES]
+    path = tmp_path / "thing.stl"
+
+    def write(facets):
+        body = "".join(f"facet normal 0 0 0\nouter loop\n{one}endloop\nendfacet\n" for one in facets)
+        path.write_text(f"solid thing\n{body}endsolid thing\n")
+
+    write(facets)
+    assert models.shape(path).area == pytest.approx(200)
+    write([*facets[:5], "vertex 0 0 0\nvertex 1 0 0\n"])
+    assert "not watertight" in refusal(path)
+
+
+def test_a_binary_stl_whose_writer_left_its_count_at_0_has_the_facets_that_it_holds(tmp_path):
+    path = tmp_path / "thing.stl"
+    whole = box(20, 10, 3).export(file_type="stl")
+    path.write_bytes(whole[:80] + bytes(4) + whole[84:])
+    assert models.shape(path).area == pytest.approx(200)
+    path.write_bytes(bytes(84))
+    assert "there is no face in it" in refusal(path)
+
+
+def test_strips_of_triangles_are_refused_by_their_name(tmp_path):
+    path = tmp_path / "thing.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_text(
+        f"{head}element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    assert "strips of triangles" in refusal(path)
+
+
 def test_a_million_faces_are_refused_before_they_are_read(tmp_path):
     path = tmp_path / "thing.stl"
     path.write_bytes(bytes(80) + struct.pack("<I", 1_000_000) + bytes(50_000_000))
