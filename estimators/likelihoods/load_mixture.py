@@ -44,7 +44,7 @@ class LoadMixture(Likelihood):
     """The mean of the likelihoods of all loads that were trained, each fitted to the readings of its load.
 
     of_load: the measurement model of each load, the lightest first. first_table: (loads + 1,) where each model's tables
-    begin among all, once they were evaluated.
+    begin among all.
     """
 
     first_table: NDArray[np.int64]
@@ -70,6 +70,8 @@ class LoadMixture(Likelihood):
         self._kept, self._scans = kept, scans
         for model, scan, chart in zip(self.of_load, scans, charts, strict=True):
             model.fit(scan, {label: chart[label] for label in maps})
+        anywhere = [model.log_tables(next(iter(maps)), np.zeros(2)) for model in self.of_load]
+        self.first_table = np.cumsum([0, *map(len, anywhere)])
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading into the terms of every load."""
@@ -102,6 +104,4 @@ class LoadMixture(Likelihood):
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate the tables of all loads, the lightest's first: (tables, ...)."""
-        tables = [model.log_tables(label, xy) for model in self.of_load]
-        self.first_table = np.cumsum([0, *(len(of_load) for of_load in tables)])
-        return np.concatenate(tables)
+        return np.concatenate([model.log_tables(label, xy) for model in self.of_load])

@@ -41,6 +41,8 @@ class StackedLikelihood(Likelihood):
         self.maps = maps
         for model in self.models:
             model.fit(scan, maps)
+        anywhere = [model.log_tables(next(iter(maps)), np.zeros(2)) for model in self.models]
+        self._first_table = np.cumsum([0, *map(len, anywhere)])
 
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
@@ -54,9 +56,7 @@ class StackedLikelihood(Likelihood):
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:
         """Evaluate the tables of all models, one model's after the other's: (tables, ...)."""
-        tables = [model.log_tables(label, xy) for model in self.models]
-        self._first_table = np.cumsum([0, *(len(of_model) for of_model in tables)])
-        return np.concatenate(tables)
+        return np.concatenate([model.log_tables(label, xy) for model in self.models])
 
     def evidence(self, reading: FloatArray) -> Evidence:
         """Turn a reading into the terms of all models."""
