@@ -483,11 +483,11 @@ def run_config(**words: Any) -> RunConfig:
         words = task(str(words["task"])).completed(words)
     taken = {field.alias or name for name, field in RunConfig.model_fields.items()}
     if strange := [word for word in words if word not in taken]:
-        from tactsim.estimators.registry import load, names
+        from tactsim.estimators.registry import names, options_of
 
         name = words.get("estimator", RunConfig.model_fields["estimator"].default)
         for word in strange:
-            if name in names() and word in load(name).options_type.model_fields:
+            if name in names() and word in options_of(name, words.get("set")).model_fields:
                 raise InputError(
                     f"run: {word!r} is an option of the estimator {name}; give set={{{word!r}: ...}}"
                 )

@@ -103,10 +103,10 @@ def estimator_of(config: Config, estimator: Estimator | None = None) -> Estimato
             )
     if estimator is None:
         estimator = create(config.estimator, **config.options)
-    if estimator.kind != config.kind:
-        own = "leave out --task" if estimator.kind == PLANE else f"add --task {estimator.kind}"
+    if config.kind != estimator.KIND:
+        own = "leave out --task" if estimator.KIND == PLANE else f"add --task {estimator.KIND}"
         raise InputError(
-            f"estimator {config.estimator} is for runs of kind {estimator.kind}: {own}, or take another"
+            f"estimator {config.estimator} is for runs of kind {estimator.KIND}: {own}, or take another"
         )
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)

@@ -18,6 +18,7 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
+from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 from tactsim.estimators.registry import create, names
 
 __all__ = [
@@ -25,9 +26,11 @@ __all__ = [
     "BatchEstimator",
     "Estimate",
     "Estimator",
+    "Likelihood",
     "Options",
     "PlaneBelief",
     "PoseSamples",
+    "TaxelSum",
     "check_order",
     "check_reading",
     "create",

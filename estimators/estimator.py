@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,8 +104,8 @@ class Estimator(ABC):
     # Whether the rng of `reset` changes what is estimated.
     draws: bool = True
     # The kind of run that it is for (`bench.kinds`), which is that of the scans that it fits, and a pose's numbers.
-    kind: str = "plane"
-    pose_numbers: tuple[str, ...] = POSE
+    KIND: ClassVar[str] = "plane"
+    POSE: ClassVar[tuple[str, ...]] = POSE
     # Whether it wants to press: `bring` is then called before `fit`.
     uses_forward_model: bool = False
     # The registered name that `create` made it by, if it did.
@@ -242,7 +242,7 @@ def check_estimate(estimate: Any, estimator: Estimator, letters: Sequence[str]) 
     Probabilities are finite, not negative and sum to 1 within 1e-6; no letter is more probable, by 1e-6, than the one
     that is named, unless that is NONE; the pose is finite.
     """
-    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "pose_numbers", POSE))
+    fault = _fault_of_estimate(estimate, letters, getattr(estimator, "POSE", POSE))
     if fault is not None:
         kind = type(estimator)
         raise InputError(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from tactsim.core import Scan
 from tactsim.core.pad import OFFSET, offsets
@@ -13,8 +14,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
 
 Reach = Annotated[float, Field(gt=0, le=10_000)] | Literal["auto"]
-# Names those of `likelihoods.likelihood.LIKELIHOODS`.
-MODELS = "the measurement model: paper, calibrated, force, graded, stacked"
+MODELS = "the measurement model; `bench list likelihoods` names them, and a model's own options"
 MOTION = (
     "how the object moves between touches: off, auto (learned), seen (auto from the touch on at which readings "
     "disagree with an object at rest) or MM,RAD of a random walk"
@@ -45,16 +45,9 @@ class MapOptions(Options):
 
 
 class LikelihoodOptions(MapOptions):
-    """Which measurement model, and its parameters (paper, eq. 7)."""
+    """How maps are learned, and which measurement model looks them up."""
 
     likelihood: str = Field("paper", description=MODELS)
-    gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
-    failure: Literal["printed", "complement"] = Field(
-        "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"
-    )
-    quantiles: int = Field(
-        16, ge=1, le=1000, description="bins in which a calibrated likelihood counts its classes"
-    )
 
 
 class FilterOptions(LikelihoodOptions):
@@ -92,3 +85,24 @@ def wants_pad_fit(options: FilterOptions, scan: Scan) -> bool:
     return any(
         isinstance(meta, Mapping) and meta.get("source") in ("recorded", "imported") for meta in stated
     )
+
+
+@cache
+def joined(own: type[LikelihoodOptions], model: type[MapOptions]) -> type[LikelihoodOptions]:
+    """Make the options of a filter with a measurement model: its own, and the model's."""
+    bases = cast("tuple[type[LikelihoodOptions], ...]", (own, model))
+    made = cast("type[LikelihoodOptions]", create_model(own.__name__, __base__=bases, __doc__=own.__doc__))
+
+    def reduced(
+        options: LikelihoodOptions,
+    ) -> tuple[Any, ...]:  # a class that is made is not found by its name
+        return _rejoined, (own, model, options.model_fields_set, dict(options))
+
+    made.__reduce__ = reduced  # type: ignore[method-assign, assignment]
+    return made
+
+
+def _rejoined(
+    own: type[LikelihoodOptions], model: type[MapOptions], given: set[str], values: dict[str, Any]
+) -> LikelihoodOptions:
+    return joined(own, model).model_construct(given, **values)

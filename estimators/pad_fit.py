@@ -220,7 +220,7 @@ def _fit_above(scan: Scan, options: FilterOptions) -> PadFit:
         units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
     )
     brought, measure = fitted.units.scan(some), pressure_information if forces else class_information
-    if "quantiles" not in given:
+    if "quantiles" in type(options).model_fields and "quantiles" not in given:
         bins = int(np.clip(train.readings.size // _OF_A_BIN, _FEWEST, _MOST))
         fitted = replace(fitted, chosen={**fitted.chosen, "quantiles": bins})
 

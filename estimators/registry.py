@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, cast
 
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short
 from tactsim.core.plug_ins import Registry
 from tactsim.estimators.estimator import Estimator, Options, no_exit
+from tactsim.estimators.likelihoods.likelihood import kind_of
+from tactsim.estimators.options import LikelihoodOptions, joined
 
 GROUP = "tactsim.estimators"
 
@@ -101,14 +104,27 @@ def create(name: str, **options: Any) -> Estimator:
     Raises InputError for an unknown name, a broken plug-in, or an option that is unknown or out of its bounds.
     """
     kind = load(name)
+    taken = options_of(name, options)
     for option in options:
-        if option in _GIVEN_UP_OPTIONS and option not in kind.options_type.model_fields:
+        if option in _GIVEN_UP_OPTIONS and option not in taken.model_fields:
             raise InputError(f"estimator {name}: there is no option {option}: {_GIVEN_UP_OPTIONS[option]}")
-    asked = checked(kind.options_type, options, f"estimator {name}")
+    asked = checked(taken, options, f"estimator {name}")
     with no_exit(name):
         made = kind(asked)
     made.created_as = name
     return made
+
+
+def options_of(name: str, given: Mapping[str, Any] | None = None) -> type[Options]:
+    """Give the options of an estimator: its own, and those of the measurement model that is given, or it has.
+
+    Raises InputError for an unknown estimator or measurement model.
+    """
+    own = load(name).options_type
+    if not issubclass(own, LikelihoodOptions):
+        return own
+    model = (given or {}).get("likelihood", own.model_fields["likelihood"].default)
+    return joined(own, kind_of(model).options_type) if isinstance(model, str) else own
 
 
 def load(name: str) -> type[Estimator]:

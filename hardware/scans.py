@@ -254,8 +254,18 @@ def named_rows(
         if names.count(name) > 1:
             raise InputError(f"{path}: two columns are called {name!r}")
     words = [at for at, name in enumerate(names) if name in ("label", "split")]
-    numbers = (cell for _, row in rows for at, cell in enumerate(row) if at not in words)
-    commas = text_tables.has_decimal_commas(numbers, separator)
+    taxels = [at for at, name in enumerate(names) if name not in known.values()]
+    others = [at for at in range(len(names)) if at not in (*words, *taxels)]
+
+    def cells(columns: list[int]) -> Iterator[str]:
+        return (row[at] for _, row in rows for at in columns if at < len(row))
+
+    commas = text_tables.has_decimal_commas(cells(others), separator)
+    try:
+        thousands = text_tables.thousands_mark(cells(taxels), commas) or ""
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    commas = commas or (not thousands and text_tables.has_decimal_commas(cells(taxels), separator))
     if not any(row for _, row in rows):
         raise InputError(f"{path} holds no {what}: there is no row below the names {', '.join(names)}")
     for number, row in rows:
@@ -263,8 +273,11 @@ def named_rows(
         if any(row[len(names) :]):
             raise InputError(f"{where}: it has more columns than the title {short(lines[above - 1])}")
         if row:
-            cells = text_tables.with_points(row, separator, commas)
-            named = {name: row[at] if at in words else cells[at] for at, name in enumerate(names[: len(row)])}
+            whole = [cell.replace(thousands, "") if at in taxels else cell for at, cell in enumerate(row)]
+            pointed = text_tables.with_points(whole, separator, commas)
+            named = {
+                name: row[at] if at in words else pointed[at] for at, name in enumerate(names[: len(row)])
+            }
             yield where, {name: word for name, word in named.items() if name}
 
 

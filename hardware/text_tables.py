@@ -19,6 +19,7 @@ from tactsim.core.poses import FloatArray
 TITLE_WITHIN = 40  # lines, at whose end the names have stood
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
+_BY_CHANCE = 20  # numbers; of so many with up to three decimals one in ten ends earlier
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
 _UNIT_BEHIND = re.compile(r"[\[(] *([kMh]?Pa|psi|m?bar|mmHg|m?N|m?V|N/[cm]?m(?:²|\^?2)) *[\])]$")
 # Names of columns where a row is a taxel's.
@@ -66,6 +67,35 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
         else cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
         for cell in cells
     ]  # fmt: skip
+
+
+def thousands_mark(cells: Iterable[str], commas: bool = False) -> str | None:
+    """Find the mark between the thousands of whole numbers, as in 5,166 or 1 234 567; None if they have none.
+
+    cells: of all taxels. commas: whether other numbers of the table have decimal commas.
+    A comma or point is one if all that have it have three digits behind it, and some number is
+    whole without it. Raises InputError if that may be chance, since few have it.
+    """
+    cells = list(cells)
+    for mark in ("\u00a0", "\u202f", " ", "'", ",", "."):
+        marked = [cell for cell in cells if mark in cell]
+        form = re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+")
+        if not marked or not all(map(form.fullmatch, marked)):
+            continue
+        others = [cell for cell in cells if cell and mark not in cell]
+        if mark not in ",." or any(cell.count(mark) > 1 for cell in marked):
+            return mark
+        if not others or not all(re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in others):
+            continue
+        if len(marked) < _BY_CHANCE and commas:
+            return None  # what stands there is refused where it stands
+        if len(marked) < _BY_CHANCE:
+            raise InputError(
+                f"{marked[0]} may be {marked[0].replace(mark, '')} or {marked[0].replace(mark, '.')}, and no number "
+                "tells which: write them without marks between thousands"
+            )
+        return mark
+    return None
 
 
 def check_taxel_names(names: Sequence[str], unit: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 _MORE = {
     "estimators": "with its options: bench list estimators NAME",
+    "likelihoods": "with its options: bench list likelihoods NAME; of the filters on maps: --set likelihood=NAME",
     "worlds": "all that can be set: bench list scan-options, bench list slip",
     "solids": "objects in space, of bench run --task solids; all that can be set: bench list solid-options",
     "formats": "of bench export; each is an extra, as in: pip install 'tactsim[parquet]'",
@@ -26,19 +28,20 @@ def command(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="Only this: estimators, letters, solids, worlds, scan-options, solid-options, slip, metrics, suites, "
-            "formats."
+            help="Only this: estimators, likelihoods, letters, solids, worlds, scan-options, solid-options, slip, "
+            "metrics, suites, formats."
         ),
     ] = None,
     name: Annotated[
-        str | None, typer.Argument(help="Of the estimators, only this one, with its options.")
+        str | None, typer.Argument(help="Of the estimators or likelihoods, only this one, with its options.")
     ] = None,
 ) -> None:
-    """List estimators, letters, solids, worlds, metrics, suites and formats, or options of one or of a scan."""
+    """List estimators, likelihoods, letters, solids, worlds, metrics, suites, formats, or options of one or a scan."""
     from tactsim.bench.console import plain_console, plain_grid
 
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
+        "likelihoods": _likelihoods,
         "letters": _letters,
         "solids": _solids,
         "worlds": _worlds,
@@ -51,10 +54,13 @@ def command(
     }
     if what is not None and what not in sections:
         raise unknown("list", what, sections)
-    if name is not None and what != "estimators":
-        raise InputError(f"bench list {what} {name}: only an estimator has a list of its own")
-    if name is not None:
-        sections["estimators"] = lambda: _estimator(name)
+    one = {"estimators": _estimator, "likelihoods": _likelihood}
+    if name is not None and what is not None:
+        if what not in one:
+            raise InputError(
+                f"bench list {what} {name}: only an estimator or a likelihood has a list of its own"
+            )
+        sections[what] = partial(one[what], name)
     console = plain_console()
     # The options of a scan are many, so they are listed on request only, as an estimator's are.
     for section, rows in sections.items():
@@ -77,7 +83,7 @@ def _estimators() -> list[Row]:
         try:
             kind = load(entry.name)
             said = f"; budget: {kind.budget}" if kind.budget else ""
-            said += f"; of {kind.kind}" if kind.kind != PLANE else ""
+            said += f"; of {kind.KIND}" if kind.KIND != PLANE else ""
         except InputError:
             said = ""  # its status says why
         rows.append((entry.name, entry.status, entry.summary + said))
@@ -85,13 +91,28 @@ def _estimators() -> list[Row]:
 
 
 def _estimator(name: str) -> list[Row]:
-    from tactsim.estimators.registry import listing, load
+    from tactsim.estimators.registry import listing, options_of
 
-    options = _fields(load(name).options_type)
+    options = _fields(options_of(name))
     return [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name] + [
         ("--set NAME=VALUE", "default", ""),
         *options,
     ]
+
+
+def _likelihoods() -> list[Row]:
+    from tactsim.estimators.likelihoods.likelihood import listing
+
+    return [(entry.name, entry.status, entry.summary) for entry in listing()]
+
+
+def _likelihood(name: str) -> list[Row]:
+    from tactsim.estimators.likelihoods.likelihood import kind_of
+    from tactsim.estimators.options import MapOptions
+
+    own = kind_of(name).options_type.model_fields.keys() - MapOptions.model_fields.keys()
+    rows = [row for row in _fields(kind_of(name).options_type) if row[0] in own]
+    return [row for row in _likelihoods() if row[0] == name] + [("--set NAME=VALUE", "default", ""), *rows]
 
 
 def _letters() -> list[Row]:

@@ -70,7 +70,7 @@ def every_estimator(
         except InputError:
             continue  # a broken plug-in, of which `bench list` says so
         options = {} if kind.budget is None else {kind.budget: budget}
-        if not (kind.kind != PLANE or (learning and kind.uses_forward_model)):
+        if not (kind.KIND != PLANE or (learning and kind.uses_forward_model)):
             found.append((name, options))
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
@@ -11,11 +12,10 @@ from tactsim.bench.stress.case_data import fitted, hidden, pressed, probabilitie
 from tactsim.core import Pad, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create
-from tactsim.estimators.filters.histogram import HistogramFilter, HistogramOptions
-from tactsim.estimators.likelihoods import likelihood
+from tactsim.estimators.filters.histogram import HistogramFilter
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, UNKNOWN, classify
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, maps_of
-from tactsim.estimators.options import LikelihoodOptions
+from tactsim.estimators.likelihoods.paper import PaperLikelihood, PaperOptions
 
 
 def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float:
@@ -70,7 +70,7 @@ def gamma(worst: Worst) -> None:
     odds = np.array([-1000, -745.2, -128, -37, -1, -1e-9, 0, 1e-9, 1, 37, 128, 745.2, 1000.0])
     for value in (1e-300, 1e-30, 1e-6, 0.1, 0.5, 1 - 1e-9, 1 - 1e-16):
         for prior in (1e-6, 0.2, 1 - 1e-6):
-            model = likelihood.create(LikelihoodOptions(gamma=value, prior=prior))
+            model = PaperLikelihood(PaperOptions(gamma=value, prior=prior))
             chart = OccupancyMap(np.zeros(2), 1.0, odds[None], prior)
             model.fit(pressed("I"), {"I": chart})
             at = np.column_stack([np.arange(len(odds)), np.zeros(len(odds))])
@@ -103,7 +103,7 @@ def straight_readings(scan: Scan, label: str | None = None) -> tuple[FloatArray,
 def one_state(scan: Scan, **options: float) -> HistogramFilter:
     """Fit a histogram of one bin, whose one state is [0, 0, 0] and lies on a node of the tables."""
     alone = {"split": "1x1x1", "reach": 10.0, "skip": False}
-    made = HistogramFilter(HistogramOptions.model_validate({**alone, **options}))
+    made = cast("HistogramFilter", create("histogram", **{**alone, **options}))
     made.fit(scan)
     made.reset(np.random.default_rng(0))
     return made
@@ -114,7 +114,7 @@ def exact_log_p_of_letters(one: HistogramFilter, reading: FloatArray, pose: Floa
     kinds, at = classify(reading), transform(pose, one.taxel_xy)
     return np.array([
         math.fsum(
-            exact_log_p(kind, odds, one.options.gamma, one.options.prior)
+            exact_log_p(kind, odds, one.likelihood.options.gamma, one.options.prior)
             for kind, odds in zip(kinds, one.maps[label].log_odds_at(at), strict=True)
         )
         for label in one.labels

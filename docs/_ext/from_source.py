@@ -65,9 +65,9 @@ def commands() -> Iterator[str]:
 
 def estimator_options() -> Iterator[str]:
     """Write the built-in estimators' options: first those that several share, then what each has of its own."""
-    from tactsim.estimators.registry import BUILT_IN, load
+    from tactsim.estimators.registry import BUILT_IN, options_of
 
-    options = {name: fields(load(name).options_type) for name in BUILT_IN}
+    options = {name: fields(options_of(name)) for name in BUILT_IN}
     shared = [row for row, number in Counter(chain(*options.values())).items() if number >= SEVERAL]
     head = ("option", "default", "what it is")
     yield from (

@@ -198,7 +198,7 @@ def distances_of(names: Sequence[str], references: References) -> dict[str, Floa
 
 def recognisers() -> list[str]:
     """Name the estimators that come with the package and recognise letters in the plane."""
-    return [name for name in BUILT_IN if registry.load(name).kind == "plane"]
+    return [name for name in BUILT_IN if registry.load(name).KIND == "plane"]
 
 
 def means(of: FloatArray) -> FloatArray:

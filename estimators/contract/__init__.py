@@ -9,8 +9,11 @@ Lives here: the checks, and the readings of bars that they are made with. A test
     @pytest.mark.parametrize("check", CHECKS)
     def test_contract(check, case):
         check(case)
+
+and one of a measurement model `LikelihoodCase(make)` with LIKELIHOOD_CHECKS.
 """
 
 from tactsim.estimators.contract.checks import CHECKS, Case
+from tactsim.estimators.contract.likelihood_checks import LIKELIHOOD_CHECKS, LikelihoodCase
 
-__all__ = ["CHECKS", "Case"]
+__all__ = ["CHECKS", "LIKELIHOOD_CHECKS", "Case", "LikelihoodCase"]

@@ -1,99 +1,49 @@
-"""The log-likelihood of one sequence of readings as a field over letters and poses."""
+"""The log-likelihood of one sequence of readings as a field over letters and poses: what every filter asks."""
 
 from __future__ import annotations
 
-import hashlib
-import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.kernels import LANES, Lattice, Named, Ranges, Terms, record, replay
-from tactsim.estimators.field.tables import tabulate
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 
 
-class LikelihoodField:
+class LikelihoodField(ABC):
     """log p(readings | letter, T_R^O) for the readings of a sequence so far (paper, eq. 7, summed).
 
-    It holds a likelihood's tables, sampled once, and the terms of all readings; filters ask it and keep
-    neither themselves. `len` is the number of readings.
-
-    labels: the letters. taxel_xy: (taxels, 2) mm. tables: on the lattice. terms: of all readings, for
-    compiled code.
+    It has a measurement model and all readings; filters ask it and keep neither themselves. `len` is the number of
+    readings. labels: the letters. ignored: how many readings were impossible everywhere, since the field was made.
     """
 
-    def __init__(
-        self,
-        likelihood: Likelihood,
-        labels: Sequence[str],
-        taxel_xy: FloatArray,
-        spacing: tuple[float, float],
-        finest: float,
-    ) -> None:
-        """Sample the tables for states `spacing` mm apart in x and y, with nodes at most `finest` mm apart.
+    ignored = 0
 
-        Raises ValueError if a table's value is not finite, InputError if there would be too many nodes.
-        """
-        self.labels, self.taxel_xy = tuple(labels), np.array(taxel_xy, dtype=float)
-        self.tables = tabulate(likelihood, labels, spacing, finest)
-        self.terms = Terms(
-            loads=likelihood.loads,
-            start=np.zeros(64 * likelihood.loads + 1, dtype=np.int64),
-            kind=np.zeros(4096, dtype=np.int64),
-            xy=np.zeros((4096, 2)),
-            weight=np.zeros(4096, dtype=np.float32),
-            constant=np.zeros((64 * likelihood.loads, len(labels))),
-            upper=np.zeros(65),
-            slack=np.zeros(64),
-        )
-        self._ranges = Ranges(self.tables.outside, self.tables.lowest, self.tables.highest)
-        self.reset()
+    def __init__(self, labels: Sequence[str]) -> None:
+        self.labels = tuple(labels)
+        self._readings = 0
 
     def __len__(self) -> int:
         return self._readings
-
-    @cached_property
-    def alike(self) -> NDArray[np.int64]:
-        """Give for each letter (letters,) the number of the first whose tables are equal to its own, bit by bit.
-
-        Such letters are one hypothesis: no reading can tell them apart.
-        """
-        first: dict[bytes, int] = {}
-        nodes, outside = self.tables.nodes, self.tables.outside
-        digests = [
-            hashlib.sha256(nodes[:, letter].tobytes() + outside[:, letter].tobytes()).digest()
-            for letter in range(len(self.labels))
-        ]
-        return np.array([first.setdefault(digest, letter) for letter, digest in enumerate(digests)])
 
     def reset(self) -> None:
         """Forget all readings."""
         self._readings = 0
 
-    def append(self, evidence: Evidence, sensor_in_robot: FloatArray) -> None:
-        """Add the terms of a reading taken at a pose [mm, mm, rad].
+    @cached_property
+    def alike(self) -> NDArray[np.int64]:
+        """Give for each letter (letters,) the number of the first that no reading can tell from it."""
+        return np.arange(len(self.labels))
 
-        Raises ValueError, and adds nothing, if the likelihood named a table or taxel that does not exist,
-        or gave a weight that is negative or not finite.
-        """
-        if self._readings == len(self.terms.slack):
-            self.terms = _with_room(self.terms, ("start", "constant", "upper", "slack"))
-        filled = self.terms.start[self._readings * self.terms.loads]
-        while filled + len(evidence.table) > len(self.terms.kind):
-            self.terms = _with_room(self.terms, ("kind", "xy", "weight"))
-        ends = np.full(self.terms.loads, len(evidence.table))
-        if evidence.load is not None:
-            ends = np.searchsorted(evidence.load, np.arange(self.terms.loads), side="right")
-        named = Named(evidence.table, evidence.taxel, evidence.weight, ends)
-        if not record(self.terms, self._readings, named, self.taxel_xy, sensor_in_robot, self._ranges):
-            evidence.check(len(self.tables.highest), len(self.taxel_xy))
-        self._readings += 1
+    @abstractmethod
+    def append(self, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
+        """Add a reading (taxels,) kPa, taken at a pose [mm, mm, rad]."""
 
+    @abstractmethod
     def log_p(
         self, letter: ArrayLike, state: FloatArray, first: int = 0, last: int | None = None
     ) -> FloatArray:
@@ -101,37 +51,84 @@ class LikelihoodField:
 
         letter: (n,) or one for all, index into `labels`. state: (3, n) T_R^O mm, mm, rad.
         """
-        count = state.shape[1]
-        letters = np.full(count, letter, dtype=np.int64)
-        log_p = np.zeros(count)
-        replay(
-            log_p, np.ascontiguousarray(state), letters, self.terms, first,
-            self._readings if last is None else last, self.tables.sampled,
-        )  # fmt: skip
+
+    @abstractmethod
+    def bound(self, first: int = 0) -> float:
+        """Give an upper bound of log p of readings first and later, nats, for any letter and state; inf if unknown."""
+
+
+class PlainField(LikelihoodField):
+    """The field of any measurement model: its `log_p` is asked for each reading and letter."""
+
+    def __init__(self, likelihood: Likelihood, labels: Sequence[str]) -> None:
+        super().__init__(labels)
+        self._likelihood, self._name = likelihood, type(likelihood).__name__
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all readings."""
+        super().reset()
+        self._felt: list[tuple[FloatArray, FloatArray] | None] = []
+
+    def append(self, reading: FloatArray, sensor_in_robot: FloatArray) -> None:
+        """Add a reading (taxels,) kPa, taken at a pose [mm, mm, rad]."""
+        self._felt.append((np.array(reading, dtype=float), np.array(sensor_in_robot, dtype=float)))
+        self._readings += 1
+
+    def ignore_last(self) -> None:
+        """Let the last reading say nothing, for it is impossible wherever the object may be."""
+        self._felt[-1] = None
+        self.ignored += 1
+
+    def log_p(
+        self, letter: ArrayLike, state: FloatArray, first: int = 0, last: int | None = None
+    ) -> FloatArray:
+        """Sum log p(z | letter, state) over some readings, see `LikelihoodField.log_p`.
+
+        Raises InputError that names the model for an answer of another shape, with a NaN or with inf.
+        """
+        states, total = np.ascontiguousarray(state.T), np.zeros(state.shape[1])
+        letters = np.full(len(total), letter, dtype=np.int64)
+        for number in np.unique(letters).tolist():
+            mine = letters == number
+            for felt in self._felt[first:last]:
+                if felt is not None:
+                    total[mine] += self._checked(*felt, self.labels[number], states[mine])
+        return total
+
+    def bound(self, first: int = 0) -> float:
+        """Give an upper bound of log p of readings first and later, nats; inf if the model knows none."""
+        return float(sum(self._likelihood.most(felt[0]) for felt in self._felt[first:] if felt is not None))
+
+    def _checked(self, reading: FloatArray, pose: FloatArray, label: str, states: FloatArray) -> FloatArray:
+        log_p = np.asarray(self._likelihood.log_p(reading, pose, label, states))
+        if log_p.shape != (len(states),):
+            raise InputError(
+                f"likelihood {self._name}: log_p of {len(states)} states has shape {log_p.shape}, not "
+                f"({len(states)},)"
+            )
+        if not np.issubdtype(log_p.dtype, np.floating) or np.isnan(log_p).any() or np.isposinf(log_p).any():
+            raise InputError(
+                f"likelihood {self._name}: log_p gives a NaN, inf or no float; give nats or -inf"
+            )
         return log_p
 
-    def most(self, first: int = 0) -> float:
-        """Give an upper bound of log p of readings first and later, nats, for any letter and state."""
-        return float(self.terms.upper[self._readings] - self.terms.upper[first])
 
-    def lattice(self, first: FloatArray, spacing: FloatArray) -> Lattice:
-        """Lay out the tables for the planes of a grid of bins.
+def field_of(
+    likelihood: Likelihood,
+    labels: Sequence[str],
+    taxel_xy: FloatArray,
+    spacing: tuple[float, float],
+    finest: float,
+) -> LikelihoodField:
+    """Make the field of a fitted model: of tables if it is a sum over taxels, for states `spacing` mm apart.
 
-        first: [x, y] mm of the first bin's middle. spacing: of the bins in x and y, mm, as the field was made for.
-        """
-        tables, (phases_y, phases_x) = self.tables, self.tables.phases
-        kinds, letters, rows, columns = tables.nodes.shape
-        shape = kinds, letters, phases_y, phases_x, rows // phases_y, columns // phases_x
-        split = tables.nodes.reshape(kinds, letters, shape[4], phases_y, shape[5], phases_x)
-        flat = np.zeros(math.prod(shape[:5]) * (shape[5] + LANES) + LANES, dtype=np.int16)
-        flat[:-LANES].reshape(*shape[:5], -1)[..., LANES:] = split.transpose(0, 1, 3, 5, 2, 4)
-        place = np.concatenate([first - tables.origin, spacing])
-        return Lattice(flat, tables.unit, np.array(shape), place)
+    finest: mm between nodes of the tables, at most. Raises InputError if there would be too many nodes.
+    """
+    if not isinstance(likelihood, TaxelSum):
+        return PlainField(likelihood, labels)
+    from tactsim.estimators.field.table_field import (
+        TableField,  # compiled code, which other models do without
+    )
 
-
-def _with_room(terms: Terms, names: Sequence[str]) -> Terms:
-    """Make arrays twice as long."""
-    longer: dict[str, Any] = {
-        name: np.concatenate([(old := getattr(terms, name)), np.zeros_like(old)]) for name in names
-    }
-    return terms._replace(**longer)
+    return TableField(likelihood, labels, taxel_xy, spacing, finest)

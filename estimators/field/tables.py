@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.kernels import Sampled
-from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.likelihood import TaxelSum
 
 _MOST_NODES = 50_000_000  # of all letters: 100 MB a table
 # Nodes are whole numbers up to this: one more, by which a bound may be raised, still fits into 16 bits.
@@ -46,7 +46,7 @@ class Tables:
 
 
 def tabulate(
-    likelihood: Likelihood, labels: Sequence[str], spacing: tuple[float, float], finest: float
+    likelihood: TaxelSum, labels: Sequence[str], spacing: tuple[float, float], finest: float
 ) -> Tables:
     """Sample a fitted likelihood where states with the given spacing in x and y (mm) can read it.
 

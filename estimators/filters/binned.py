@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, Reals4D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
-from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.kernels import LANES, Lattice, Terms, sum_plane
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import Weights, pose_samples
 
@@ -160,7 +160,7 @@ class BinnedBelief:
     With `skip`, planes of bins that cannot matter wait. Without, every bin is up to date after every reading.
     """
 
-    def __init__(self, field: LikelihoodField, grid: StateGrid, *, skip: bool = False) -> None:
+    def __init__(self, field: TableField, grid: StateGrid, *, skip: bool = False) -> None:
         self._field, self._grid, self._skip = field, grid, skip
         x, y, angle = grid.centres
         self._lattice = field.lattice(np.array([x[0], y[0]]), np.array(grid.spacing[:2]))

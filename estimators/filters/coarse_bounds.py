@@ -16,8 +16,8 @@ from numba import float32, int64, uint64
 
 from tactsim.core.compiling import Floats1D, Int8s5D, Int32s1D, Ints1D, Reals1D, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.kernels import ROUNDING, Sampled, Terms, replay
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.grid import StateGrid
 
 # Nats; bins that are as near to the last one listed are listed too.
@@ -59,7 +59,7 @@ class Coarse(NamedTuple):
     middle: Reals1D
 
 
-def levels_of(field: LikelihoodField, first: FloatArray, spacing: FloatArray) -> Levels:
+def levels_of(field: TableField, first: FloatArray, spacing: FloatArray) -> Levels:
     """Bound a field's tables for a grid of bins.
 
     first: [x, y] mm of the first bin's middle. spacing: of the bins in x and y, mm, as the field was made for.
@@ -208,7 +208,7 @@ class CoarseBins:
     within what is asked for. What is listed is the same.
     """
 
-    def __init__(self, field: LikelihoodField, grid: StateGrid, *, skip: bool) -> None:
+    def __init__(self, field: TableField, grid: StateGrid, *, skip: bool) -> None:
         self._field, self._grid, self._skip = field, grid, skip
         x, y, angle = grid.centres
         self._levels = levels_of(field, np.array([x[0], y[0]]), np.array(grid.spacing[:2]))

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
-from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.map_filter import GridFilter
+from tactsim.estimators.filters.plain_bins import bins_on
 from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.options import FilterOptions
 
@@ -45,7 +45,7 @@ class HistogramFilter(GridFilter):
         self._bounds = self._skipped = 0
 
     def _fit(self) -> None:
-        self._belief = BinnedBelief(self.field, self.grid, skip=self.options.skip)
+        self._belief = bins_on(self.field, self.grid, skip=self.options.skip)
         every = len(self.labels) * self.grid.bins
         self._margin = math.log(every / _NEGLIGIBLE) if self.options.skip else math.inf
 
@@ -109,4 +109,5 @@ class HistogramFilter(GridFilter):
             "likelihood_evaluations": self._evaluated,
             "bound_evaluations": self._bounds,
             "skipped": {"bins": self._skipped},
+            **self._ignored(),
         }

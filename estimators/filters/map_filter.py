@@ -28,12 +28,12 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.field import LikelihoodField, PlainField, field_of
 from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import FilterOptions, OpenSetOptions, reach_of, wants_pad_fit
 
@@ -46,6 +46,8 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
+# Nats of a reading that a model says is impossible, for a belief that may have moved on.
+_IMPOSSIBLE = -1e9
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
 # Bins of all letters, up to which they grow in number with the reach: of objects of 100 mm, 40 pictures.
@@ -191,7 +193,7 @@ class MapFilter(Estimator):
         cell = self.fitted_options.cell
         # States that share a node's place lie so far apart in x and y (mm): bins, or a map cell for any states.
         spacing = (cell, cell) if self.grid is None else self.grid.spacing[:2]
-        self.field = LikelihoodField(self.likelihood, self.labels, self.taxel_xy, spacing, cell)
+        self.field = field_of(self.likelihood, self.labels, self.taxel_xy, spacing, cell)
         self._fit()
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -206,7 +208,7 @@ class MapFilter(Estimator):
         self.field.reset()
         self._reset(rng)
         if self.moving is not None or self._watched is not None:
-            self._stirring, self._touches = rng.spawn(1)[0], list[tuple[Evidence, FloatArray]]()
+            self._stirring, self._touches = rng.spawn(1)[0], list[tuple[FloatArray, FloatArray]]()
         if self._watched is not None:
             self.moving = None
         elif self.moving is not None:
@@ -242,17 +244,16 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             units = self.pad_fit.units
             values, pose = check_reading(units.readings(values), units.poses(pose), len(self.taxel_xy))
-        touch = self.likelihood.evidence(values), pose
-        self._take_in(*touch)
+        self._take_in(values, pose)
         if self._watched is not None:
-            self._touches.append(touch)
+            self._touches.append((values, pose))
             if self.moving is None and self.stirred:
                 self._follow(self._watched)
         if self.open_set is not None:
             self.open_set.keep(values, pose)
 
-    def _take_in(self, evidence: Evidence, pose: FloatArray) -> None:
-        self.field.append(evidence, pose)
+    def _take_in(self, reading: FloatArray, pose: FloatArray) -> None:
+        self.field.append(reading, pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
         else:
@@ -354,7 +355,11 @@ class MapFilter(Estimator):
     @property
     def work(self) -> dict[str, Any]:
         """Count what was done since the filter was made: what its own belief took, and the one that moves beside it."""
-        return {"likelihood_evaluations": self._evaluated, "skipped": {}}
+        return {"likelihood_evaluations": self._evaluated, "skipped": {}, **self._ignored()}
+
+    def _ignored(self) -> dict[str, int]:
+        """Count the readings that a measurement model said are impossible everywhere, if it is one that may."""
+        return {"ignored_readings": self.field.ignored} if isinstance(self.field, PlainField) else {}
 
     # What a belief that moves beside the filter's own asks of it (`moving.MovingBelief`), as of `Synthesis` too.
 
@@ -383,7 +388,7 @@ class MapFilter(Estimator):
     def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
         """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats. It counts as one of few readings."""
         self._evaluated += state.shape[1]
-        log_p = self.field.log_p(letter, state, touch, touch + 1)
+        log_p = np.maximum(self.field.log_p(letter, state, touch, touch + 1), _IMPOSSIBLE)
         if self.trust is None:
             return log_p
         from tactsim.estimators.filters.trust import FEW

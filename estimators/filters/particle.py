@@ -13,6 +13,7 @@ from pydantic import Field
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples, probabilities
+from tactsim.estimators.field.field import PlainField
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.particle_kernels import draw, move, parzen_mode
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, shared, uniform_states
@@ -84,7 +85,11 @@ class ParticleFilter(MapFilter):
         readings, count = len(self.field), self.options.particles
         self._particles = self._draw(count) if readings > 1 else self._moved(np.arange(count))
         letter, state = self._particles.letter, self._particles.state
-        self._weights = Weights(self.field.log_p(letter, state, readings - 1))
+        log_p = self.field.log_p(letter, state, readings - 1)
+        if isinstance(self.field, PlainField) and np.isneginf(log_p).all():
+            self.field.ignore_last()
+            log_p[:] = 0
+        self._weights = Weights(log_p)
         self._evaluated += count
 
     def own_estimate(self) -> Estimate:
@@ -117,7 +122,11 @@ class ParticleFilter(MapFilter):
 
         skipped: cones, of particles that could not decide the mode.
         """
-        return {"likelihood_evaluations": self._evaluated, "skipped": {"cones": self._cones}}
+        return {
+            "likelihood_evaluations": self._evaluated,
+            "skipped": {"cones": self._cones},
+            **self._ignored(),
+        }
 
     def _draw(self, count: int) -> _Particles:
         """Draw particles with replacement, with probability proportional to their weights, and add noise."""

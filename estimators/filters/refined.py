@@ -14,6 +14,7 @@ from pydantic import Field
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import (
     Cells,
@@ -28,6 +29,7 @@ from tactsim.estimators.filters.cells import (
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
+from tactsim.estimators.filters.plain_bins import PlainBins, bins_on, halve_best
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
 from tactsim.estimators.filters.trust_kernels import influence_at
@@ -107,11 +109,11 @@ class RefinedFilter(GridFilter):
 
     def _fit(self) -> None:
         many = len(self.labels) * self.grid.bins > _MANY_BINS and self.likelihood.loads == 1
-        self._coarse: CoarseBins | BinnedBelief
-        if many:
-            self._coarse = BinnedBelief(self.field, self.grid, skip=self.options.skip)
-        else:
+        self._coarse: CoarseBins | BinnedBelief | PlainBins
+        if isinstance(self.field, TableField) and not many:
             self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
+        else:
+            self._coarse = bins_on(self.field, self.grid, skip=self.options.skip)
         self._bins = bins_of(self.grid)
         self._limits = Limits(
             self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH, self.options.skip
@@ -144,18 +146,24 @@ class RefinedFilter(GridFilter):
         self._bounds += bins + left_alone if self.options.skip else 0
         cell, log_p = self._coarse.listed
         self._before, self._halved = self._halved, self._before
-        history = History(self.field.terms, self.field.tables.sampled, len(self.field))
-        end, left, left_log_p, evaluated, unreplayed = refine(
-            cell, log_p, self._limits, weight, history, self._bins, self._before, self._halved
-        )
+        if isinstance(self.field, TableField):
+            history = History(self.field.terms, self.field.tables.sampled, len(self.field))
+            end, left, left_log_p, evaluated, unreplayed = refine(
+                cell, log_p, self._limits, weight, history, self._bins, self._before, self._halved
+            )
+        else:
+            end, left, left_log_p, evaluated = halve_best(
+                cell, log_p, self._limits, weight, self.field, self.grid
+            )
+            unreplayed = 0
         self._leaves, self._weight = (end, left, left_log_p), weight
         self._weight = self.trust.given(len(self.field), self._influence())
-        missed = self.field.most() - float(left_log_p.max())
+        missed = self.field.bound() - float(left_log_p.max())
         self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
         self._badly_explained += self._unexplained > 0 and self.moving is None
         # Of each letter's coarse bins, where letters are tempered.
         self._best = np.full(len(self.labels), -np.inf)
-        if self._unexplained and isinstance(self._coarse, CoarseBins):
+        if self._unexplained and not isinstance(self._coarse, BinnedBelief):
             self._best, more = self._coarse.best_of_letters()
             bins, self._left_alone = bins + more, self._left_alone - more
         self._evaluated += bins + evaluated
@@ -218,6 +226,7 @@ class RefinedFilter(GridFilter):
             "bound_evaluations": self._bounds,
             "badly_explained": self._badly_explained,
             "skipped": {"bins": self._left_alone, "replays": self._unreplayed},
+            **self._ignored(),
         }
 
     def _letter_mass(self, letter: NDArray[np.int64], weights: Weights) -> FloatArray:
@@ -236,7 +245,7 @@ class RefinedFilter(GridFilter):
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
         count = len(self.field)
-        if count < 2 or not self.trust.many:
+        if count < 2 or not self.trust.many or not isinstance(self.field, TableField):
             return math.nan
         cells, weights = self._belief_in_cells()
         best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())

@@ -66,6 +66,8 @@ class Misfit:
 
     def unexplained(self, readings: int, misfit: float) -> float:
         """Give what of the misfit of a sequence, nats, left-out training readings would not have, chance included."""
+        if math.isinf(self.mean):
+            return 0.0
         by_chance = _BY_CHANCE * self.deviation * math.sqrt(readings)
         return max(0.0, misfit - readings * self.mean - by_chance)
 
@@ -277,7 +279,7 @@ def _left_out(
     most: dict[str, list[float]] = {label: [] for label in labels}
     for asked, label, _ in unseen(likelihood, train, labels, whole_positions):
         found[label].append(asked.log_p(labels.index(label), states, len(asked) - 1))
-        most[label].append(asked.most(len(asked) - 1))
+        most[label].append(asked.bound(len(asked) - 1))
     if not any(found.values()):
         return None
     return [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import UNKNOWN, classify, threshold_of
 from tactsim.estimators.likelihoods.folds import LeftOut
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds, log_odds_of
+from tactsim.estimators.options import MapOptions
 
 # Added to each count, so that what was never seen is improbable and not impossible.
 _UNSEEN = 1.0
@@ -65,7 +67,15 @@ _CLASSES = UNKNOWN + 1
 _AROUND = 1.5
 
 
-class CalibratedLikelihood(Likelihood):
+class CountedOptions(MapOptions):
+    """How probabilities are counted over the training readings."""
+
+    quantiles: int = Field(
+        16, ge=1, le=1000, description="bins of the map's value in which classes are counted"
+    )
+
+
+class CalibratedLikelihood(TaxelSum):
     """p(No Contact, In Contact or Unknown | interpolated log-odds), counted over the training readings.
 
     Eq. 7 takes the map's own probabilities and gives Unknown no weight. Here both are learned: the log-odds at
@@ -75,9 +85,12 @@ class CalibratedLikelihood(Likelihood):
     threshold: T of eq. 3, kPa. steeper: see `steepness`.
     """
 
+    options_type = CountedOptions
+    options: CountedOptions
+
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count classes at the training taxels, each against a map without the presses at its position."""
-        self.maps = maps
+        super().fit(scan, maps)
         self.threshold = threshold_of(self.options.threshold, scan.where("train").readings)
         train = scan.where("train")
         odds, classes, counted = self.left_out(train)

@@ -13,7 +13,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import lehmer_mean
 from tactsim.estimators.likelihoods.deviation import Deviation, learn_deviation
 from tactsim.estimators.likelihoods.folds import LeftOut, as_one
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 from tactsim.estimators.likelihoods.mosaic import Grid, Mosaic, learn_mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
@@ -36,7 +36,7 @@ _DOUBT = 0.01
 _TURNS = 3
 
 
-class ForceLikelihood(Likelihood):
+class ForceLikelihood(TaxelSum):
     """p(relative pressure | what the mosaic predicts at the taxel's place), taxel by taxel.
 
     Every press has the same force. So the pressure under the covered taxels differs from pose to pose, and
@@ -51,6 +51,7 @@ class ForceLikelihood(Likelihood):
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""
+        super().fit(scan, maps)
         train = scan.where("train")
         predicted, relative, slope, scale, known = self.fit_mosaics(train, maps)
         # Where nothing else was felt, nothing is predicted: that is not how readings deviate where something was.

@@ -13,11 +13,12 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.calibrated import (
     CalibratedLikelihood,
     Calibration,
+    CountedOptions,
     calibrate,
     quantile_edges,
 )
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 
 # Shares of a reading's scale between which the grades lie. The lowest is about what noise reads in a usual press.
@@ -31,7 +32,7 @@ _LEAST = 0.25
 _COUNTS = 0.5
 
 
-class GradedLikelihood(Likelihood):
+class GradedLikelihood(TaxelSum):
     """p(grade | interpolated log-odds, class of the reading's scale), counted over the training readings.
 
     A reading is divided by its own scale, so that its load does not matter, and its taxels are graded by the
@@ -42,10 +43,14 @@ class GradedLikelihood(Likelihood):
     least: kPa, the smallest scale. bounds: (classes - 1,) kPa, between the classes.
     """
 
+    options_type = CountedOptions
+    options: CountedOptions
+
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Count grades at the training taxels, each against a map without the presses at its position."""
         self._classes = CalibratedLikelihood(self.options)
-        self.maps = self._classes.maps = maps
+        super().fit(scan, maps)
+        self._classes.maps = maps
         train = scan.where("train")
         self._classes.threshold = threshold_of(self.options.threshold, train.readings)
         self.least = _LEAST * float(np.median(lehmer_mean(train.readings)))

@@ -1,8 +1,8 @@
 """Measurement models: what a reading says about the pose at which it was taken (paper, section III-A).
 
-Every filter takes its likelihood from here, and every likelihood comes down to the same thing: a
-few tables over the object's plane for each letter, and for each reading a list of terms that says
-which table to look up at which taxel. The log-likelihood of a state is the sum of its terms.
+A model answers one question, `log_p`: how probable is this reading if the object is this letter, there? Any function
+may. Most are sums over taxels: they give a few tables over the object's plane for each letter, and for each reading a
+list of terms that says which table to look up at which taxel. Filters compute those a hundred times faster.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core import Scan
-from tactsim.core.errors import unknown
+from tactsim.core import Scan, compose, transform
+from tactsim.core.plug_ins import Registry
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import Options
 from tactsim.estimators.likelihoods.classifier import UNKNOWN
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import LikelihoodOptions
+from tactsim.estimators.options import LikelihoodOptions, MapOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +62,72 @@ class Evidence:
 
 
 class Likelihood(ABC):
-    """A measurement model. A subclass implements `fit`, `log_tables` and `evidence`.
+    """A measurement model. A subclass implements `log_p`, or `log_tables` and `evidence` as a `TaxelSum`.
 
-    It is registered in `LIKELIHOODS`; `create` makes it by name. of_pressures: whether its tables are of pressures
-    rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not. maps: by
-    letter, as `fit` was given them.
+    options_type: its options, which a filter with this model has beside its own. of_pressures: whether it is of
+    pressures rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not.
+    maps: by letter, as `fit` was given them. taxel_xy: (taxels, 2) mm.
     """
 
+    options_type: ClassVar[type[MapOptions]] = MapOptions
     of_pressures: ClassVar[bool] = False
     maps: Mapping[str, OccupancyMap]
+    taxel_xy: FloatArray
     # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.
     loads: int = 1
 
-    def __init__(self, options: LikelihoodOptions) -> None:
-        self.options = options
+    def __init__(self, options: MapOptions) -> None:
+        """Take options; those of `options_type` that are not among them have their defaults."""
+        own = self.options_type.model_fields
+        known = {name: value for name, value in options if name in own}
+        self.options: Any = options if isinstance(options, self.options_type) else self.options_type(**known)
 
-    @abstractmethod
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn from the maps and, where it needs more, from the scan's training readings."""
+        self.maps, self.taxel_xy = maps, np.array(scan.taxel_xy, dtype=float)
+
+    @abstractmethod
+    def log_p(self, reading: FloatArray, pose: FloatArray, label: str, states: FloatArray) -> FloatArray:
+        """Give log p(reading | the letter `label` in these states): (n,) nats, of any common constant.
+
+        reading: (taxels,) kPa. pose: (3,) sensor_in_robot. states: (n, 3) robot_in_object T_R^O; mm, mm, rad. So the
+        taxels lie at `transform(compose(states, pose), self.taxel_xy)` on the object, (n, taxels, 2) mm. -inf is
+        impossible; NaN and inf are refused by who asks.
+        """
+
+    def most(self, reading: FloatArray) -> float:
+        """Give an upper bound of `log_p` of a reading, nats; inf if none is known."""
+        return float("inf")
+
+    def without(
+        self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
+    ) -> Likelihood | None:
+        """Make a copy, of some letters, whose maps were learned without some training readings.
+
+        train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out.
+        whole_positions: whether those are all presses at some positions, or some of each. What was learned of how
+        readings deviate from maps stays. None if it cannot leave readings out.
+        """
+        return None
+
+
+class TaxelSum(Likelihood):
+    """A measurement model that is a sum over taxels of weighted tables: log p = sum of weight * table(taxel's place).
+
+    Filters look its tables up on a lattice, in compiled code, and skip what cannot matter (`field.TableField`). Between
+    the nodes they interpolate log p, which comes to `log_p` as the lattice gets finer.
+    """
+
+    def log_p(self, reading: FloatArray, pose: FloatArray, label: str, states: FloatArray) -> FloatArray:
+        """Sum the terms, term by term; the mean over loads counts where there are several."""
+        tables = self.log_tables(label, transform(compose(states, pose), self.taxel_xy))
+        terms = self.evidence(reading)
+        each = tables[terms.table, :, terms.taxel] * terms.weight[:, None]
+        if self.loads == 1:
+            return np.asarray(each.sum(axis=0), dtype=float)
+        assert terms.load is not None
+        of_load = [each[terms.load == load].sum(axis=0) for load in range(self.loads)]
+        return np.asarray(np.logaddexp.reduce(of_load) - np.log(self.loads), dtype=float)
 
     @property
     def extent(self) -> tuple[FloatArray, FloatArray]:
@@ -104,24 +152,46 @@ class Likelihood(ABC):
 
     def without(
         self, train: Scan, gone: NDArray[np.bool_], labels: Sequence[str], whole_positions: bool
-    ) -> Likelihood | None:
-        """Make a copy, of some letters, whose maps were learned without some training readings.
-
-        train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out.
-        whole_positions: whether those are all presses at some positions, or some of each. What was learned of how
-        readings deviate from maps stays. None if it cannot leave readings out.
-        """
+    ) -> TaxelSum | None:
+        """Make a copy without some training readings, see `Likelihood.without`."""
         return None
 
 
-# name: the module here and its class; nothing is imported before its name is asked for.
-LIKELIHOODS = {
-    "paper": ("paper", "PaperLikelihood"),
-    "calibrated": ("calibrated", "CalibratedLikelihood"),
-    "force": ("force", "ForceLikelihood"),
-    "graded": ("graded", "GradedLikelihood"),
-    "stacked": ("stacked", "StackedLikelihood"),
+GROUP = "tactsim.likelihoods"
+# name: (where its class is, what it is); nothing is imported before its name is asked for.
+BUILT_IN: dict[str, tuple[str, str]] = {
+    "paper": ("tactsim.estimators.likelihoods.paper:PaperLikelihood", "classes, by the paper's eq. 7"),
+    "calibrated": (
+        "tactsim.estimators.likelihoods.calibrated:CalibratedLikelihood",
+        "classes, how often each comes counted over the training readings",
+    ),
+    "force": (
+        "tactsim.estimators.likelihoods.force:ForceLikelihood",
+        "pressures, from a mosaic of planes",
+    ),
+    "graded": (
+        "tactsim.estimators.likelihoods.graded:GradedLikelihood",
+        "grades of the reading's own pressure, counted over the training readings",
+    ),
+    "stacked": (
+        "tactsim.estimators.likelihoods.stacked:StackedLikelihood",
+        "what force and graded say, added up",
+    ),
 }
+
+
+def _fault(chosen: Any) -> str | None:
+    if not (isinstance(chosen, type) and issubclass(chosen, Likelihood)):
+        return "is no subclass of tactsim.estimators.Likelihood"
+    if missing := ", ".join(sorted(chosen.__abstractmethods__)):
+        return f"does not define {missing}"
+    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
+        return "has options_type that is no class of options"
+    return None
+
+
+_LIKELIHOODS = Registry("likelihood", GROUP, BUILT_IN, _fault)
+names, listing = _LIKELIHOODS.names, _LIKELIHOODS.listing
 
 
 def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
@@ -131,7 +201,7 @@ def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
     Raises InputError if there is none of that name.
     """
     kind = kind_of(options.likelihood)
-    if train is not None:
+    if train is not None and issubclass(kind, TaxelSum):
         from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
 
         load = loads_of(train)
@@ -141,9 +211,5 @@ def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
 
 
 def kind_of(name: str) -> type[Likelihood]:
-    """Import the class of that name. Raises InputError if there is none."""
-    if name not in LIKELIHOODS:
-        raise unknown("likelihood", name, LIKELIHOODS)
-    module, kind = LIKELIHOODS[name]
-    found: type[Likelihood] = getattr(import_module(f"tactsim.estimators.likelihoods.{module}"), kind)
-    return found
+    """Import the class of that name. Raises InputError if there is none, or it is no Likelihood."""
+    return cast("type[Likelihood]", _LIKELIHOODS.load(name))

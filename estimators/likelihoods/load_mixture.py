@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.folds import by_letter, load_levels
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, create
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum, kind_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import LikelihoodOptions
 
@@ -40,7 +41,7 @@ def loads_of(train: Scan) -> NDArray[np.intp]:
     return np.unique(np.round(train.moments, 6), return_inverse=True)[1].reshape(-1)
 
 
-class LoadMixture(Likelihood):
+class LoadMixture(TaxelSum):
     """The mean of the likelihoods of all loads that were trained, each fitted to the readings of its load.
 
     of_load: the measurement model of each load, the lightest first. first_table: (loads + 1,) where each model's tables
@@ -53,13 +54,15 @@ class LoadMixture(Likelihood):
         """Take options, and the load of each training reading (n,), as `loads_of` numbers them."""
         self._load, self.loads = load, int(load.max()) + 1
         super().__init__(options)
-        self.of_load: list[Likelihood] = [create(options) for _ in range(self.loads)]
+        kind = cast("type[TaxelSum]", kind_of(options.likelihood))
+        self.of_load = [kind(options) for _ in range(self.loads)]
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn maps and measurement model of each load from its training readings.
 
         An object without readings at a load has all its readings there.
         """
+        super().fit(scan, maps)
         train = scan.where("train")
         kept = self._load == np.arange(self.loads)[:, None]
         for of_load in kept:

@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, sigmoid
+from tactsim.estimators.options import MapOptions
 
 
-class PaperLikelihood(Likelihood):
+class PaperOptions(MapOptions):
+    """The parameters of eq. 7."""
+
+    gamma: float = Field(0.1, ge=1e-300, lt=1, description="gamma of eq. 7: how often the classifier fails")
+    failure: Literal["printed", "complement"] = Field(
+        "printed", description="No Contact after a failure in eq. 7: p(m) as printed, or 1 - p(m)"
+    )
+
+
+class PaperLikelihood(TaxelSum):
     """Classes In Contact and No Contact, looked up in the occupancy map (paper, eq. 3 and 7)."""
+
+    options_type = PaperOptions
+    options: PaperOptions
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Keep the maps; eq. 7 has nothing to learn."""
-        self.maps = maps
+        super().fit(scan, maps)
         self._threshold = threshold_of(self.options.threshold, scan.where("train").readings)
 
     def log_tables(self, label: str, xy: ArrayLike) -> FloatArray:

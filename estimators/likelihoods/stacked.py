@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.likelihoods.calibrated import CountedOptions
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.graded import GradedLikelihood
-from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood
+from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import LikelihoodOptions
+from tactsim.estimators.options import MapOptions
 
 
-class StackedLikelihood(Likelihood):
+class StackedLikelihood(TaxelSum):
     """log p(z | x) is the sum of what `force` and `graded` say (a logarithmic opinion pool: Genest and Zidek 1986).
 
     They err in different ways: one of pressures, which foretells best where poses and loads are as stated, and one of
@@ -30,15 +31,16 @@ class StackedLikelihood(Likelihood):
     models: those that are added.
     """
 
+    options_type = CountedOptions
     of_pressures: ClassVar[bool] = True
 
-    def __init__(self, options: LikelihoodOptions) -> None:
+    def __init__(self, options: MapOptions) -> None:
         super().__init__(options)
-        self.models: tuple[Likelihood, ...] = (GradedLikelihood(options), ForceLikelihood(options))
+        self.models: tuple[TaxelSum, ...] = (GradedLikelihood(options), ForceLikelihood(options))
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Fit each model to the scan's training readings."""
-        self.maps = maps
+        super().fit(scan, maps)
         for model in self.models:
             model.fit(scan, maps)
         anywhere = [model.log_tables(next(iter(maps)), np.zeros(2)) for model in self.models]

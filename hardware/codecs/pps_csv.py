@@ -14,6 +14,7 @@ from statistics import mode
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.finite import LARGEST
@@ -24,15 +25,42 @@ from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
-_TIMES = {"time", "timestamp", "datetime", "elapsed", "t", "seconds", "millis", "micros"}
+_TIMES = {
+    "time",
+    "timestamp",
+    "datetime",
+    "elapsed",
+    "t",
+    "seconds",
+    "millis",
+    "micros",
+    "milli",
+    "micro",
+    "msec",
+    "usec",
+}
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
 _CLOCK = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])[Mm]|Z)?")
 _DAY = 86_400.0  # s
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "sec": 1.0, "seconds": 1.0, "min": 60.0}
-_SECONDS |= {"milliseconds": 1e-3, "msec": 1e-3, "millis": 1e-3, "usec": 1e-6, "micros": 1e-6}
-_SECONDS |= {"secs": 1.0, "days": _DAY, "µs": 1e-6, "μs": 1e-6}  # micro sign, and the Greek letter
+# Units of time as people write them, once blanks, points and case are gone: `mSec`, `Milli Sec.`, `µs`.
+_SECOND = "(?:s|secs?|seconds?)"
+_UNITS = {
+    f"{_SECOND}": 1.0,
+    f"(?:m|milli){_SECOND}|millis": 1e-3,
+    f"(?:[uµμ]|micro){_SECOND}|micros": 1e-6,  # micro sign, and the Greek letter
+    f"(?:n|nano){_SECOND}": 1e-9,
+    "mins?|minutes?": 60.0,
+    "h|hrs?|hours?": 3600.0,
+    "days?": _DAY,
+}
+_TIME_WORD = re.compile(r"(?:datetime|timestamp|time|elapsed|x_value|t(?![a-z]))[^a-zµμ]*", re.IGNORECASE)
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
-_BY_STEP = ((1e-5, "days"), (1, "s"), (1e3, "ms"), (1e6, "us"))  # of a time, below which it is in that unit
+_BY_STEP = (
+    (1e-5, "days", _DAY),
+    (1, "s", 1.0),
+    (1e3, "ms", 1e-3),
+    (1e6, "us", 1e-6),
+)  # below which it is in that unit
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
@@ -99,16 +127,23 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         )
     # Words about the recording may say time, too.
     line = max(named, key=lambda at: (text_tables.separator_of(head[at]) != " ", len(titles[at])))
-    separator, time, samples = text_tables.separator_of(head[line]), _time_at(titles[line]), head[line + 1 :]
-    known = chain(*(cells for _, cells in text_tables.cells_of(samples, separator)))
-    commas = text_tables.has_decimal_commas(known, separator)
+    separator, time, samples = (
+        text_tables.separator_of(head[line]),
+        _time_at(titles[line]),
+        [*head[line + 1 :], *texts],
+    )
+    cells_of_lines = [cells for _, cells in text_tables.cells_of(samples, separator)]
+    of_taxels = (cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time)
+    thousands = text_tables.thousands_mark(of_taxels) or ""
+    of_times = (cells[time] for cells in cells_of_lines if len(cells) > time)
+    commas = text_tables.has_decimal_commas(of_times if thousands else chain(*cells_of_lines), separator)
 
     def numbers(text: str) -> FloatArray | None:
         """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
             cells = cells[time:] + cells[:time] * (len(cells) == time + 1)
-            filled = [cell or "nan" for cell in cells]
+            filled = [cells[0], *(cell.replace(thousands, "") or "nan" for cell in cells[1:])]
             first, *others = text_tables.with_points(filled, separator, commas)
             row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
         except ValueError:
@@ -136,8 +171,9 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:
+        """Give the frames as they stand in the file."""
         last = 0.0
-        for text in chain(samples, texts):
+        for text in samples:
             row = numbers(text)
             if row is None or len(row) != width or (np.isnan(row) != dead).any():
                 yield text
@@ -149,7 +185,38 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
                 last = seconds
                 yield Frame(row[1:], ticks=seconds)
 
-    return names, frames(), remark
+    every = list(frames())
+    times = np.array([frame.ticks for frame in every if isinstance(frame, Frame)])
+    if len(times) > 1 and times.min() == times.max():
+        raise CodecError(
+            f"all {len(times)} lines have one time, {clock[0]:g}: it does not say when a press was; write their times"
+        )
+    order = _order(times)
+    if order is not None:
+        placed = [frame for frame in every if isinstance(frame, Frame)]
+        moved = int((order != np.arange(len(order))).sum())
+        said = f"{moved} of {len(order)} lines are not in the order of their times, and were put there"
+        remark = f"{remark}; {said}" if remark else said
+        every = [*(placed[k] for k in order), *(text for text in every if isinstance(text, str))]
+    return names, iter(every), remark
+
+
+def _order(times: FloatArray) -> NDArray[np.intp] | None:
+    """Tell in which order lines come by their times (n,), s; None if they stand in it, or if a clock began anew.
+
+    A clock that began anew goes through times again that have been: then two times lie nearer than lines do. Lines that
+    were written late, or the newest first, fill the gaps between others.
+    """
+    steps = np.diff(times)
+    if not (steps < 0).any():
+        return None
+    order = np.argsort(times, kind="stable")
+    anew = 10 * (steps < 0).sum() < len(
+        steps
+    )  # seldom, else lines are shuffled, and their steps are of any size
+    usual = np.median(np.abs(steps[steps != 0]) if anew else np.diff(times[order]))
+    near = (np.diff(times[order]) < usual / 4).sum() > (np.abs(steps) < usual / 4).sum()
+    return None if near else order
 
 
 def _words(cell: str) -> list[str]:
@@ -174,13 +241,20 @@ def _of_day(text: str) -> float:
 
 def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
     """Give the s of one unit of time: of its title's, or by the median step, and then a remark that says so."""
-    unit = next((word for word in _words(title) if word in _SECONDS), None)
-    if unit is not None:
-        return _SECONDS[unit], None
-    if bracketed := re.search(r"[\[(]\s*(\w+)\s*[\])]", title):
-        raise CodecError(f"the title's unit of time is {bracketed[1]!r}; known are {', '.join(_SECONDS)}")
+    bracketed = re.search(r"[\[(]([^\])]*)[\])]", title)
+    inside = bracketed[1] if bracketed else ""
+    behind = _TIME_WORD.sub("", title.replace(f"{bracketed[0]}" if bracketed else "\0", ""))
+    for text in (inside, behind, *re.split(r"[\W_]+", behind)):
+        unit = re.sub(r"[^\w\ufffd]|[\d_]", "", text).lower()  # a mark for what the encoding lost stays
+        found = next((seconds for form, seconds in _UNITS.items() if re.fullmatch(form, unit)), None)
+        if found is not None:
+            return found, None
+    if re.fullmatch(r"\s*\w+\s*", inside):
+        raise CodecError(
+            f"the title's unit of time is {inside.strip()!r}; known are s, ms, us, ns, min, h, days"
+        )
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    unit = next((unit for most, unit in _BY_STEP if step < most), "ns")
+    unit, seconds = next(((unit, seconds) for most, unit, seconds in _BY_STEP if step < most), ("ns", 1e-9))
     remark = f"the time is read as {unit}, by its steps of {step:g}: a title like 'time [s]' says it outright"
-    return _SECONDS[unit], remark
+    return seconds, remark

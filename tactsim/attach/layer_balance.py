@@ -57,11 +57,11 @@ def approach(gap: Reals1D, weight: Reals1D, facing: Reals1D, force: float) -> fl
     """Find how far a body sinks in without a turn, mm: exact, by steps from above, as the force is convex."""
     touching, count = np.arange(len(gap)), len(gap)
     while True:
-        stiffness, load = 0.0, force
+        stiffness = load = 0.0
         for i in touching[:count]:
             stiffness += weight[i] * facing[i] * facing[i]
             load += weight[i] * facing[i] * gap[i]
-        depth, still = load / stiffness, 0
+        depth, still = (force + load) / stiffness, 0
         for i in touching[:count]:
             if depth * facing[i] > gap[i]:
                 touching[still] = i

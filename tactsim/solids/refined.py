@@ -106,8 +106,8 @@ class SpaceRefinedFilter(Estimator):
     the particles go on where enough of them count; else modes are climbed to from them alone.
     """
 
-    kind = "solids"
-    pose_numbers = rigid.POSE
+    KIND = "solids"
+    POSE = rigid.POSE
     options_type = SpaceRefinedOptions
     options: SpaceRefinedOptions
     budget = "cells"

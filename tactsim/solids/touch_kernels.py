@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactsim.attach.layer_balance import approach
 from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, Reals3D, compiled
 from tactsim.press.facet_kernels import cut
 
@@ -194,27 +195,6 @@ def springs(gap: Reals1D, rate: Reals1D, count: int, travel: float) -> float:
 
 
 @compiled(called_from_python=False)
-def balance(gap: Reals1D, rate: Reals1D, count: int, travel: float, wanted: float) -> float:
-    """Find the travel, mm, at which springs give what is wanted, from a travel at which some give something.
-
-    The sum is convex and piecewise linear, so Newton's method comes from above and ends at the answer itself.
-    """
-    touching = -1
-    while True:
-        total = moment = 0.0
-        now = 0
-        for point in range(count):
-            if gap[point] < travel:
-                total += rate[point]
-                moment += rate[point] * gap[point]
-                now += 1
-        if now == touching or now == 0:
-            return travel
-        touching = now
-        travel = (wanted + moment) / total
-
-
-@compiled(called_from_python=False)
 def surround(
     point_number: Ints1D, gap: Reals1D, count: int, columns: int, rows: int, limit: float, window: Ints1D
 ) -> int:  # fmt: skip
@@ -244,6 +224,7 @@ def touch_all(
     stiffness, thickness = layer.stiffness, layer.thickness
     corners, height = np.empty_like(vertices), np.empty(columns * rows)
     gap, rate = np.empty(columns * rows), np.empty(columns * rows)
+    along = np.ones(columns * rows)  # springs are pressed along the pad's normal alone
     point_number = np.empty(columns * rows, np.int64)
     window, corner, spare = np.empty(4, np.int64), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
     coarse_origin = origin + (COARSE // 2) * step
@@ -271,7 +252,7 @@ def touch_all(
             if deep:
                 # A layer that would be pressed by more than its thickness is just stiff enough not to give so far.
                 stiff = max(stiffness, force / springs(gap, rate, count, first + thickness))
-            travel = balance(gap, rate, count, first + thickness, force / stiff)
+            travel = approach(gap[:count], rate, along, force / stiff)
             if (
                 level == 0
                 or surround(point_number, gap, count, columns, rows, travel + _MARGIN, window) > _FINE
@@ -284,10 +265,9 @@ def touch_all(
         travel = min(travel, stroke)
         states[touch, 0], states[touch, 2] = travel, stiff
         states[touch, 1] = stiff * springs(gap, rate, count, travel)
-        rest = min(balance(gap, rate, count, travel, force / stiff), travel)
         for point in range(count):
-            if gap[point] < rest:
-                carried = stiff * area * (rest - gap[point])
+            if gap[point] < travel:
+                carried = stiff * area * (travel - gap[point])
                 u, v = lattice.cell[point_number[point], 0], lattice.cell[point_number[point], 1]
                 for row in range(lattice.felt_v.shape[2]):
                     strip = carried * lattice.felt_v[level, v, row]

@@ -35,7 +35,7 @@ class UprightConfig(RunConfig):
 
 
 class UprightHistogram(HistogramFilter):
-    kind = "upright"
+    KIND = "upright"
 
 
 class Upright(Plane):

@@ -1,17 +1,18 @@
 """What was compiled is used again only for the same source, and wherever it can be kept."""
 
+import ast
 import json
 import os
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit, typeof
+from numba import typeof
 
+import tactsim
 from tactsim.bench.compile_kernels import modules_with_kernels
 from tactsim.core.compiling import Ints1D, Reals, Reals2D, numba_type
 
@@ -156,30 +157,28 @@ def test_where_nothing_can_be_written_it_is_compiled_each_time_and_said_once(ask
         assert ask.said.count("each time") == len(ask.said.splitlines()) == 1
 
 
-@pytest.mark.long
 def test_kernels_take_their_constants_from_files_that_hold_kernels():
     """What is kept of a kernel holds its constants, and only changes of such files are seen."""
-    homes = set(modules_with_kernels())
-    compiled_one = type(njit(lambda: 0))
-    wrong = []
-    for module in map(import_module, homes):
-        for kernel in vars(module).values():
-            if not isinstance(kernel, compiled_one) or kernel.py_func.__module__ != module.__name__:
-                continue
-            for name in kernel.py_func.__code__.co_names:
-                value = vars(module).get(name)
-                if isinstance(value, int | float | str | tuple | np.ndarray):
-                    wrong += [(module.__name__, name, home) for home in origins(module, name) - homes]
+    homes, wrong = set(modules_with_kernels()), []
+    for home in homes:
+        path = Path(tactsim.__file__).parents[1] / f"{home.replace('.', '/')}.py"
+        tree = ast.parse(path.read_text())
+        imported = {
+            one.asname or one.name: node.module
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tactsim")
+            for one in node.names
+        }
+        for kernel in tree.body:
+            if isinstance(kernel, ast.FunctionDef) and "compiled" in map(called, kernel.decorator_list):
+                used = {
+                    node.id for part in kernel.body for node in ast.walk(part) if isinstance(node, ast.Name)
+                }
+                wrong += [(home, name) for name in used & imported.keys() if imported[name] not in homes]
+    assert "tactsim.estimators.field.kernels" in homes
     assert not wrong
 
 
-def origins(module, name):
-    """Give the module that a module imports a name from, if it does."""
-    import ast
-
-    tree = ast.parse(Path(module.__file__).read_text())
-    return {
-        node.module
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and any((one.asname or one.name) == name for one in node.names)
-    }
+def called(decorator):
+    """Name the function that a decorator calls."""
+    return getattr(getattr(decorator, "func", None), "id", None)

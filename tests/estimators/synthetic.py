@@ -14,13 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators import Estimate, Estimator, create
 from tactsim.estimators.contract.bars import BarForward, fit, make_scan, paper_poses, pressures, square_pad
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.cells import bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
-from tactsim.estimators.options import LikelihoodOptions
 
 __all__ = [
     "BarForward", "draw_trial", "field_of", "fit", "fitted", "fitted_anew", "follow", "make_scan", "model_of",
@@ -114,18 +113,19 @@ def two_taxel_scan(readings: ArrayLike, labels: ArrayLike, poses: ArrayLike | No
 
 def model_of(kind: str, scan: Scan, **options: object) -> Likelihood:
     """Give a measurement model of a kind that has learned a scan."""
-    made = likelihood.create(LikelihoodOptions(likelihood=kind, **options))
+    model = likelihood.kind_of(kind)
+    made = model(model.options_type(**options))
     made.fit(scan, learn_maps(scan))
     return made
 
 
-def field_of(model: tuple[Likelihood, Scan], grid: StateGrid, finest: float = 0.4) -> LikelihoodField:
+def field_of(model: tuple[Likelihood, Scan], grid: StateGrid, finest: float = 0.4) -> TableField:
     """Give the field of a fitted likelihood, with its scan, for the bins of a grid."""
     made, scan = model
-    return LikelihoodField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], finest)
+    return TableField(made, scan.letters, scan.taxel_xy, grid.spacing[:2], finest)
 
 
-def of_all_bins(field: LikelihoodField, grid: StateGrid) -> NDArray[np.float64]:
+def of_all_bins(field: TableField, grid: StateGrid) -> NDArray[np.float64]:
     """Replay all readings at the middle of every bin: (letters, angles, rows, columns)."""
     flat, states = np.arange(grid.bins), np.empty((3, grid.bins))
     middles(states, np.empty_like(flat), np.zeros_like(flat), flat, bins_of(grid))

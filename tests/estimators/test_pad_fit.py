@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic import fitted_anew, make_scan, paper_poses, started
 
+from tactsim import estimators
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.options import wants_pad_fit
@@ -99,7 +100,8 @@ def test_a_scan_in_another_unit_and_size_is_the_same_scan(unit, length, exponent
 
 def test_options_that_were_given_are_kept_in_the_units_they_were_given_in(scan):
     twice = changed(scan, unit=10.0, length=2.0)
-    asked = RefinedOptions(fit="auto", sigma=3.0, threshold=15.0, reach=30.0, motion="0.5,0.03", quantiles=7)
+    given = {"sigma": 3.0, "threshold": 15.0, "reach": 30.0, "motion": "0.5,0.03", "quantiles": 7}
+    asked = estimators.create("refined", fit="auto", **given).options
     found = fit_to_pad(twice, asked)
     inner, outer = found.inner(asked), found.outer(asked)
     assert [inner.sigma, inner.reach, *map(float, inner.motion.split(","))] == pytest.approx(

@@ -11,8 +11,8 @@ from tactsim.estimators import Estimate, Estimator, PoseSamples
 class AlikeTouches(Estimator):
     """Compare sorted pressures with those of the training touches; the pose is a guess from its random numbers."""
 
-    kind = "solids"
-    pose_numbers = rigid.POSE
+    KIND = "solids"
+    POSE = rigid.POSE
     made: ClassVar[list] = []
 
     def fit(self, scan):

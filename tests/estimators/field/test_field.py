@@ -7,7 +7,7 @@ import pytest
 import reference
 from synthetic import make_scan, model_of, paper_poses, started
 
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.table_field import TableField
 
 
 @pytest.fixture(scope="module")
@@ -22,12 +22,12 @@ def model(request, scan):
 
 def begun(model, scan, readings, spacing=(0.4, 0.4)):
     """A field with some readings, and the terms (evidence, pose) of each."""
-    field = LikelihoodField(model, scan.letters, scan.taxel_xy, spacing, 0.4)
+    field = TableField(model, scan.letters, scan.taxel_xy, spacing, 0.4)
     rng = np.random.default_rng(readings)
     told = []
     for _ in range(readings):
         told.append((model.evidence(scan.readings[rng.integers(len(scan))]), rng.uniform(-8, 8, 3)))
-        field.append(*told[-1])
+        field.add(*told[-1])
     return field, told
 
 
@@ -87,7 +87,7 @@ def test_a_field_that_was_reset_is_as_new(model, scan):
     field.reset()
     assert len(field) == 0
     assert not field.log_p(0, state).any()
-    field.append(*told[-1])
+    field.add(*told[-1])
     assert (field.log_p(0, state) == last).all()
 
 
@@ -101,7 +101,7 @@ def test_a_likelihood_that_names_what_does_not_exist_is_stopped(model, scan, nam
     faulty = getattr(told[0][0], name).copy()
     faulty[3] = value
     with pytest.raises(ValueError, match="a likelihood"):
-        field.append(replace(told[0][0], **{name: faulty}), np.zeros(3))
+        field.add(replace(told[0][0], **{name: faulty}), np.zeros(3))
     assert (field.log_p(1, state) == before).all()
 
 

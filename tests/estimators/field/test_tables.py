@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from tactsim.estimators.field.tables import tabulate
-from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.likelihood import TaxelSum
 from tactsim.estimators.options import LikelihoodOptions
 
 
-class Bump(Likelihood):
+class Bump(TaxelSum):
     """Two tables that are smooth within the extent and constant outside."""
 
     extent = (np.array([-3.0, -2.0]), np.array([4.0, 5.0]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import field_of, make_scan, model_of, of_all_bins, paper_poses
 
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import Cells
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
@@ -85,9 +85,7 @@ def test_the_best_bins_are_those_of_all_bins_and_none_is_above_its_bound(model, 
             one.reset()
         for reading in rng.integers(len(scan), size=7):
             # One touch in seven contradicts the others, and one is off the map.
-            field.append(
-                made.evidence(scan.readings[reading]), rng.uniform(-1, 1, 3) * rng.choice([9, 9, 60])
-            )
+            field.add(made.evidence(scan.readings[reading]), rng.uniform(-1, 1, 3) * rng.choice([9, 9, 60]))
             counted += [belief.update(within, keep) for belief in beliefs]
             everything = of_all_bins(field, grid)
             if engine is BinnedBelief:  # it rounds in an order of its own
@@ -114,7 +112,7 @@ def test_the_best_bins_are_those_of_all_bins_and_none_is_above_its_bound(model, 
 @pytest.mark.parametrize("split", [(25, 25, 4), (1, 1, 1), (17, 33, 2)])
 @pytest.mark.parametrize("what", [-32_768, 32_767])
 def test_planes_that_hang_over_the_tables_read_nothing_beyond_them(plain, split, what, monkeypatch):
-    lattice_of = LikelihoodField.lattice
+    lattice_of = TableField.lattice
 
     def amid(*args):
         lattice = lattice_of(*args)
@@ -127,7 +125,7 @@ def test_planes_that_hang_over_the_tables_read_nothing_beyond_them(plain, split,
     grid = StateGrid(*split)
     field = field_of(plain, grid)
     expected = BinnedBelief(field, grid, skip=True)
-    monkeypatch.setattr(LikelihoodField, "lattice", amid)
+    monkeypatch.setattr(TableField, "lattice", amid)
     belief = BinnedBelief(field, grid, skip=True)
     rng = np.random.default_rng(0)
     for _ in range(4):
@@ -136,7 +134,7 @@ def test_planes_that_hang_over_the_tables_read_nothing_beyond_them(plain, split,
         # Anywhere from the middle of the map to far off it, so that every edge is hung over.
         for reach in (10, 30, 60, 1e4, 1e9):
             reading = scan.readings[rng.integers(len(scan))]
-            field.append(made.evidence(reading), rng.uniform(-reach, reach, 3))
+            field.add(made.evidence(reading), rng.uniform(-reach, reach, 3))
             belief.update(20.0)
             expected.update(20.0)
         mass, mode = belief.summary()
@@ -175,7 +173,7 @@ def test_rows_that_hang_over_the_tables_read_no_bound_beyond_them(model, split, 
             one.reset()
         for reach in (10, 30, 60, 1e4, 1e9):
             reading = scan.readings[rng.integers(len(scan))]
-            field.append(made.evidence(reading), rng.uniform(-reach, reach, 3))
+            field.add(made.evidence(reading), rng.uniform(-reach, reach, 3))
             first.update(5.0, 20)
             assert (of_all_bins(field, grid) <= upper_bounds(first, field, grid)).all()
             for other in others:
@@ -198,7 +196,7 @@ def test_the_summary_is_what_the_log_belief_of_all_bins_says(plain, readings, sk
         field.reset()
         belief.reset()
         for _ in range(count):
-            field.append(made.evidence(scan.readings[rng.integers(len(scan))]), rng.uniform(-8, 8, 3))
+            field.add(made.evidence(scan.readings[rng.integers(len(scan))]), rng.uniform(-8, 8, 3))
             belief.update(margin)
     mass, mode = belief.summary()
     log_p = belief.log_belief().reshape(2, -1)
@@ -227,7 +225,7 @@ def test_any_number_of_terms_and_any_weights_are_bounded(model, weights, each):
     for terms in (1, 5, 63, 64, 65, 1025):
         table, taxel = np.full(terms, highest), np.arange(terms) // each % 36
         weight = np.resize(np.array(weights, dtype=np.float32), terms)
-        field.append(Evidence(table, taxel, weight), np.array([1.0, 2.0, 0.3]))
+        field.add(Evidence(table, taxel, weight), np.array([1.0, 2.0, 0.3]))
         lazy.update(1.0, 3)
         everything, bound = of_all_bins(field, grid), upper_bounds(lazy, field, grid)
         assert (everything <= bound).all()
@@ -251,7 +249,7 @@ class Edge:
 def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
     """The farther a map lies from the bins, the more of a place is lost in float32."""
     grid = StateGrid(25, 25, 3)
-    field = LikelihoodField(Edge([beside, 0.0]), ["edge"], np.zeros((1, 2)), grid.spacing[:2], 0.4)
+    field = TableField(Edge([beside, 0.0]), ["edge"], np.zeros((1, 2)), grid.spacing[:2], 0.4)
     lazy, tables, rng = CoarseBins(field, grid, skip=True), field.tables, np.random.default_rng(0)
     rows, columns = (np.flatnonzero(tables.nodes[0, 0].any(axis=axis)) for axis in (1, 0))
     x, y, theta = grid.centres
@@ -264,6 +262,6 @@ def test_a_bound_holds_where_float32_moves_a_place_beyond_a_node(beside):
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         field.reset()
         lazy.reset()
-        field.append(one, np.array([*(turn @ away), 0.0]))
+        field.add(one, np.array([*(turn @ away), 0.0]))
         lazy.update(0.0, 0)
         assert (of_all_bins(field, grid) <= upper_bounds(lazy, field, grid)).all()

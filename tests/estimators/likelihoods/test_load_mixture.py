@@ -7,7 +7,7 @@ import pytest
 from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import Scan
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
@@ -75,17 +75,17 @@ def test_log_p_is_the_log_of_the_mean_over_the_loads(both, name):
     cell = options.cell
     letter = 1
     expected = np.zeros(200)
-    together = LikelihoodField(mixture, both.letters, both.taxel_xy, (cell, cell), cell)
+    together = TableField(mixture, both.letters, both.taxel_xy, (cell, cell), cell)
     for reading, pose in touches:
         of_loads = []
         for number in range(2):
             own = train.chosen(loads_of(train) == number)
             alone = model_of(name, own)
-            field = LikelihoodField(alone, both.letters, both.taxel_xy, (cell, cell), cell)
-            field.append(alone.evidence(reading), pose)
+            field = TableField(alone, both.letters, both.taxel_xy, (cell, cell), cell)
+            field.add(alone.evidence(reading), pose)
             of_loads.append(field.log_p(letter, states))
         expected += np.logaddexp(*of_loads) - np.log(2)
-        together.append(mixture.evidence(reading), pose)
+        together.add(mixture.evidence(reading), pose)
     # The lattices of tables begin elsewhere where maps differ in size.
     assert together.log_p(letter, states) == pytest.approx(expected, rel=0.02, abs=0.5)
     parts = [together.log_p(letter, states, k, k + 1) for k in range(3)]

@@ -1,13 +1,13 @@
-"""What holds for every measurement model that is listed in `LIKELIHOODS`."""
+"""What holds for every measurement model that is listed in `BUILT_IN`."""
 
 import numpy as np
 import pytest
 from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import transform
-from tactsim.estimators.likelihoods.likelihood import LIKELIHOODS
+from tactsim.estimators.likelihoods.likelihood import BUILT_IN
 
-every_model = pytest.mark.parametrize("name", LIKELIHOODS)
+every_model = pytest.mark.parametrize("name", BUILT_IN)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import make_scan, paper_poses
 
-from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.graded import GradedLikelihood
 from tactsim.estimators.likelihoods.occupancy import learn_maps
@@ -30,11 +30,11 @@ def models(scan):
 
 def said(model, scan, taxels=slice(None)):
     """Say what a model holds of two touches at 40 states of both letters."""
-    field = LikelihoodField(model, ("E", "L"), scan.taxel_xy, (0.8, 0.8), 0.8)
+    field = TableField(model, ("E", "L"), scan.taxel_xy, (0.8, 0.8), 0.8)
     states = np.random.default_rng(0).uniform(-4, 4, (3, 40))
     train = scan.where("train")
     for touch in (3, 70):
-        field.append(model.evidence(train.readings[touch]), np.array(train.poses[touch]))
+        field.add(model.evidence(train.readings[touch]), np.array(train.poses[touch]))
     return np.concatenate([field.log_p(letter, states) for letter in (0, 1)])
 
 

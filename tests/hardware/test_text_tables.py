@@ -1,0 +1,99 @@
+"""Numbers and times as people write them: units, orders of lines, marks between thousands."""
+
+from itertools import chain
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactsim.core import InputError
+from tactsim.hardware.codecs.codec import CodecError, Frame
+from tactsim.hardware.codecs.pps_csv import read_table
+from tactsim.hardware.text_tables import thousands_mark
+
+
+def table(title, times, separator=","):
+    """A recording whose first taxel counts the lines in the order of their times."""
+    rows = (
+        f"{time}{separator}{rank}{separator}7"
+        for time, rank in zip(times, np.argsort(np.argsort(times)), strict=True)
+    )
+    return [separator.join([title, "a", "b"]), *rows]
+
+
+def frames_of(texts):
+    return [frame for frame in read_table(iter(texts))[1] if isinstance(frame, Frame)]
+
+
+@pytest.mark.parametrize(
+    ("title", "seconds"),
+    [
+        *[
+            (title, 1e-3)
+            for title in ("Time [mS]", "time_ms", "timeMs", "Time (MilliSeconds)", "Milli Sec.", "t (m Sec.)")
+        ],
+        *[(title, 1e-6) for title in ("Time [uS]", "Time (µs)", "micros", "time/Micro Seconds", "time_usec")],
+        *[(title, 1.0) for title in ("Time [S]", "elapsed_time_s", "Time (Sec.)", "seconds")],
+        *[(title, 60.0) for title in ("Time [min]", "time (Minutes)")],
+    ],
+)
+def test_a_unit_of_time_is_read_however_it_is_written(title, seconds):
+    first, last = frames_of(table(title, range(0, 900, 30)))[:: len(range(0, 900, 30)) - 1]
+    assert last.ticks - first.ticks == pytest.approx(870 * seconds)
+
+
+@pytest.mark.parametrize("order", ["newest first", "one late", "two late", "shuffled"])
+def test_lines_come_in_the_order_of_their_times(order):
+    times = np.arange(200) * 40
+    late = np.delete(times, 100)
+    shuffled = np.random.default_rng(0).permutation(times)
+    given = {
+        "newest first": times[::-1],
+        "one late": np.insert(late, 130, times[100]),
+        "two late": np.concatenate([np.delete(times, [90, 91]), times[90:92]]),
+        "shuffled": shuffled,
+    }[order]
+    _, frames, remark = read_table(iter(table("Time [ms]", given)))
+    read = [frame for frame in frames if isinstance(frame, Frame)]
+    assert [frame.values[0] for frame in read] == list(range(200))
+    assert "not in the order of their times" in remark
+
+
+def test_a_clock_that_begins_anew_is_no_disorder():
+    twice = [*range(0, 4000, 40), *range(0, 2000, 40)]
+    _, frames, remark = read_table(iter(table("Time [ms]", twice)))
+    assert [frame.ticks for frame in frames] == pytest.approx(np.array(twice) / 1000)
+    assert remark is None
+
+
+def test_times_that_are_all_equal_say_nothing():
+    with pytest.raises(CodecError, match="all 30 lines have one time, 5"):
+        read_table(iter(table("Time [ms]", [5] * 30)))
+
+
+MARKS = st.sampled_from([",", ".", " ", "\u00a0", "\u202f", "'"])
+
+
+@given(
+    MARKS,
+    st.lists(st.integers(1_000, 9_999_999), min_size=25, max_size=60),
+    st.lists(st.integers(0, 999), min_size=1),
+)
+def test_marks_between_thousands_are_found(mark, large, small):
+    written = [f"{number:,}".replace(",", mark) for number in large]
+    assert thousands_mark([*written, *map(str, small)]) == mark
+
+
+@given(st.sampled_from(",."), st.lists(st.floats(0.001, 999), min_size=30, max_size=60))
+def test_decimals_are_no_thousands(mark, numbers):
+    """As %g writes them, and with three decimals each, where a whole number has some, too."""
+    for form in ("{:.6g}", "{:.2f}"):
+        cells = [form.format(number).replace(".", mark) for number in chain(numbers, [0.5, 12.25])]
+        assert thousands_mark(cells) is None
+    assert thousands_mark([f"{number:.3f}".replace(".", mark) for number in chain(numbers, [0.0])]) is None
+
+
+def test_a_number_that_reads_both_ways_is_refused():
+    with pytest.raises(InputError, match=r"^5,166 may be 5166 or 5\.166"):
+        thousands_mark(["5,166", "12", "0"])
