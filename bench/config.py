@@ -311,7 +311,9 @@ class RunConfig(ScanWords):
         description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
         "in its own trials each letter is held out, the others are known.",
     )
-    trials: int = Field(10, ge=1, le=1_000_000, description="Trials for each letter.")
+    trials: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["all"] = Field(
+        10, description="Trials for each letter; all: each test press once, where nobody noted poses."
+    )
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
     explore: Literal["random", "information", "blind"] = Field(
         "random",
@@ -382,6 +384,8 @@ class RunConfig(ScanWords):
                 "presses of a pad are for testing; name what is trained on with --train-scan (in Python train_scan), "
                 "a file of `bench record` or `bench scan`"
             )
+        if self.trials == "all" and (self.scan is None and self.given is None or self.explore != "random"):
+            raise ValueError("trials all takes each test press of a scan once; name it with --scan, and leave out explore")
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
                 raise ValueError(f"{name} is given by itself and in set; leave one out")

@@ -65,7 +65,7 @@ def perform(
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     kind.check_gathered(config, gathered)
     plan = plan_of(config, gathered.scan, estimator, gathered.objects)
-    tasks = trials or tasks_of(config, gathered.letters)
+    tasks = trials or tasks_of(config, gathered)
 
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
@@ -138,9 +138,9 @@ def gather(
     return kinds.load(config.kind).gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
 
 
-def tasks_of(config: Config, letters: Sequence[str]) -> list[OneTrial]:
+def tasks_of(config: Config, gathered: Gathered) -> list[OneTrial]:
     """List the trials of a run, letter after letter."""
-    return kinds.load(config.kind).tasks(config, letters)
+    return kinds.load(config.kind).tasks(config, gathered)
 
 
 def plan_of(

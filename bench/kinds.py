@@ -159,7 +159,7 @@ class Kind:
     def check_gathered(self, config: Any, gathered: Gathered) -> None:
         """Raise InputError if there are too few readings for the trials."""
 
-    def tasks(self, config: Any, letters: Sequence[str]) -> list[OneTrial]:
+    def tasks(self, config: Any, gathered: Gathered) -> list[OneTrial]:
         """List the trials of a run, letter after letter."""
         raise NotImplementedError
 

@@ -166,11 +166,19 @@ class Plane(Kind):
 
     def check_gathered(self, config: RunConfig, gathered: Gathered) -> None:
         """Raise InputError as `trials.check_readings` does."""
+        if config.trials == "all" and not poses_unknown(gathered.scan.meta):
+            raise InputError(
+                "trials all: every press once is of presses whose poses nobody noted; of others trials draw their readings, "
+                "so give their number"
+            )
         check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
 
-    def tasks(self, config: RunConfig, letters: Sequence[str]) -> list[OneTrial]:
-        """List the trials of a run, as many of each letter."""
-        return [OneTrial(letter, trial) for letter in letters for trial in range(config.trials)]
+    def tasks(self, config: RunConfig, gathered: Gathered) -> list[OneTrial]:
+        """List the trials of a run: as many of each letter, or one for each of its test presses."""
+        counts = dict.fromkeys(gathered.letters, config.trials)
+        if config.trials == "all":
+            counts = {letter: len(presses_with(gathered.scan.where("test", letter), config.readings)) for letter in counts}
+        return [OneTrial(letter, trial) for letter, count in counts.items() for trial in range(count)]
 
     def plan(
         self, config: RunConfig, scan: Scan, given: Estimator | None, objects: Mapping[str, Any] | None

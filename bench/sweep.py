@@ -204,7 +204,7 @@ def perform(
             name: plan_of(config, gathered[name].scan, objects=gathered[name].objects)
             for name, config in todo.items()
         }
-        tasks = {name: tasks_of(config, gathered[name].letters) for name, config in todo.items()}
+        tasks = {name: tasks_of(config, gathered[name]) for name, config in todo.items()}
         kept = sum(len(run.trials.truth) for run in whole.values())
         total = kept + sum(map(len, tasks.values()))
         done = _trials_of_runs(

@@ -133,6 +133,12 @@ def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return press, count[which.reshape(-1)]
 
 
+def presses_with(scan: Scan, readings: int) -> NDArray[np.int64]:
+    """Number the presses of a scan that have so many readings: (n,)."""
+    press, count = _counted_presses(scan)
+    return np.unique(press[count >= readings])
+
+
 Explore = Literal["random", "information", "blind"]
 Progress = Callable[[str, int, int], None]
 
@@ -494,10 +500,9 @@ class TrialPlan:
             return test.chosen(np.arange(task.trial * self.readings, (task.trial + 1) * self.readings))
         if not poses_unknown(self.scan.meta):
             return test
-        press, count = _counted_presses(test)
-        enough = np.unique(press[count >= self.readings])
+        enough = presses_with(test, self.readings)
         first = generator(self.seed, OneTrial(task.truth, 0), 4).integers(len(enough))
-        return test.chosen(press == enough[(first + task.trial) % len(enough)])
+        return test.chosen(_counted_presses(test)[0] == enough[(first + task.trial) % len(enough)])
 
     def fitted_for(self, truth: str, estimator: Estimator) -> tuple[Estimator, tuple[str, ...]]:
         """Give what the trials of a letter need: the fitted `estimator`, and the letters that it knows.

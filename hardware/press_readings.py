@@ -66,6 +66,7 @@ class PressReadings:
     _rows: list[_Row] = field(default_factory=list)
     _wrong: dict[int, str] = field(default_factory=dict)
     _presses: int = 0
+    _tests: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         if not 0 < self.at_load <= 1:
@@ -100,6 +101,7 @@ class PressReadings:
             wanted = {"test": wanted["test"]} if self.at_load < 1 else {}
         for number in sorted(means):
             window, of_press = windows[number], list[tuple[float, FloatArray]]()
+            self._tests[window.label] += window.split == "test"
             if window.split in wanted and number in moments:
                 found, images = moments[number]
                 chosen = found & np.isin(self._shares, wanted[window.split])
@@ -147,7 +149,11 @@ class PressReadings:
                     f"no test press shows {self.at_load:.0%} of its load on the way to a plateau; record whole presses "
                     "with more images a second, or leave out --at-load"
                 )
-            meta = {**meta, "test_load": self.at_load}
+            tests = {(row.window.label, row.press) for row in rows if row.window.split == "test"}
+            shown = Counter(label for label, _ in tests)
+            missing = {label: [count - shown[label], count] for label, count in sorted(self._tests.items())}
+            told = {label: counts for label, counts in missing.items() if counts[0]}
+            meta = {**meta, "test_load": self.at_load, "test_load_missing": told}
         apart = any(row.share < 1 for row in rows)
         poses = np.array([row.window.pose for row in rows])
         check_pose_units(poses, self.taxel_xy)

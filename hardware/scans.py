@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -231,21 +231,32 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
 
 def named_rows(
-    path: str | Path, what: str, kind: type[PlacedPress], most: int = SMALL
+    path: str | Path,
+    what: str,
+    kind: type[PlacedPress],
+    most: int = SMALL,
+    called: Mapping[str, str] | None = None,
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Read a table of presses: where each row stands, and its words by name. Raises InputError.
 
     The line of names is the one of the first 40 that has the most names of `kind`, in capitals or not. What stands
-    above it is left out, and so are lines that begin with #, and empty rows.
+    above it is left out, and so are lines that begin with #, and empty rows. called: what names of `kind` are called
+    in the table, where otherwise.
     """
     lines = read_text(path, what, most).splitlines()
     known = {name.lower(): name for name in (*kind.model_fields, "theta_deg")}
+    known |= {theirs.lower(): name for name, theirs in (called or {}).items()}
     titles = (text_tables.title_cells(line) for line in lines[: text_tables.TITLE_WITHIN])
     heads = [[known.get(cell.lower(), cell) for cell in cells] for cells in titles]
     names = max(heads, key=lambda head: len({*head}.intersection(known.values())), default=[])
     if not {*names}.intersection(known.values()):
         also = "; of a recording `bench replay --marks` makes presses" if what == "presses" else ""
         raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}{also}")
+    for name, theirs in (called or {}).items():
+        if name not in names:
+            raise InputError(
+                f"{path}: no column is called {theirs!r}; there are {short(', '.join(filter(None, names)))}"
+            )
     above = heads.index(names) + 1
     separator = text_tables.separator_of(lines[above - 1])
     below = ("" if line[:1] == "#" else line for line in lines[above:])
@@ -342,7 +353,9 @@ def _check_within(intervals: Sequence[Interval], times: Sequence[float]) -> None
     late = max(intervals, key=lambda each: each.last_s)
     if late.last_s > end + max(step, 0.0) + 1e-9:
         count = (
-            "in s from the first reading" if any(times[1:]) else "by a clock, and the recording states none"
+            "in s from the first reading"
+            if any(times[1:])
+            else "by a clock, and the recording states none (--rate HZ)"
         )
         raise InputError(
             f"the recording ends at {end:g} s, but a mark ({late.label}) goes on until {late.last_s:g} s; times count "

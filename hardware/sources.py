@@ -114,6 +114,23 @@ class Corrected(Wrapper):
             raise SourceError(f"{self._name} was recorded with a calibration of its own; give none")
 
 
+class Clocked(Wrapper):
+    """Another source whose readings state no times, at a rate that is known otherwise."""
+
+    def __init__(self, inner: Source, rate: float) -> None:
+        """Give the readings of `inner` times, `rate` of them a second."""
+        super().__init__(inner)
+        self._rate, self._given = rate, 0
+
+    def read(self, timeout: float | None = None) -> Reading:
+        """Return the next reading at its time; see `Source.read`. Raises SourceError where the source has a clock."""
+        reading = self.inner.read(timeout)
+        if reading.device_time is not None or reading.host_time:
+            raise SourceError("--rate: the recording states its times itself; leave the rate out")
+        self._given += 1
+        return replace(reading, host_time=(self._given - 1) / self._rate)
+
+
 class Recorded(Wrapper):
     """A source without bytes of its own, its readings written to a recording as they come."""
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.cli.words import is_typed, refuse_typed
 
 
 def command(
@@ -24,13 +24,15 @@ def command(
             "--pad",
             "--device",
             metavar="FILE|NAME",
-            help="Of .npz, .mat, .h5 and .csv files: the pad, a file of its measures or of a device (.toml), or a "
+            help="Of data of other people: the pad, a file of its measures or of a device (.toml), or a "
             "built-in name; `bench devices` names them.",
         ),
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option(help="Of .npz, .mat, .h5 and .csv files: what the readings are in: kPa, N, V or count."),
+        typer.Option(
+            help="Of data of other people: what readings are in: kPa, N, V, count, or Pa, mbar, psi, mmHg"
+        ),
     ] = None,
     readings: Annotated[
         str, typer.Option(help="Of arrays: what the readings are called in the file.")
@@ -38,10 +40,24 @@ def command(
     poses: Annotated[
         str, typer.Option(help="What the poses are called: sensor in object, mm, mm, rad.")
     ] = "poses",
-    labels: Annotated[str, typer.Option(help="What the names of the objects are called.")] = "labels",
+    labels: Annotated[
+        str,
+        typer.Option(help="What the names of the objects are called; of a folder of frames: folder or name."),
+    ] = "labels",
     split: Annotated[
         str | None,
         typer.Option(help="What says train or test is called. Default: all presses are to train on."),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(help="What columns of a table are called: x_mm=position,label=:cable,taxels=pil*_fz."),
+    ] = None,
+    files: Annotated[str, typer.Option(help="Of a folder of frames: which files are read, *.txt.")] = "*",
+    test: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What is to test with: a share of each object's presses, 25%, or of a folder files, S13/*."
+        ),
     ] = None,
     shapes: shared.Shapes = None,
     licence: shared.Licence = None,
@@ -52,7 +68,8 @@ def command(
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
-    from tactsim.bench.formats.csv_file import TABLES, read_press_table
+    from tactsim.bench.formats.csv_file import TABLES, columns_of, read_press_table
+    from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
     from tactsim.bench.pad.measured import with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Scan
@@ -61,9 +78,18 @@ def command(
 
     check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
     names = ("readings", "poses", "labels", "split")
+    frames = source.is_dir() and not any((source / one).exists() for one in ("scan.json", "run.json"))
+    patterns = [one for one in test or () if not one.endswith("%")]
+    shares = [shared.share("--test", one) for one in test or () if one.endswith("%")]
+    if len(shares) > 1 or (shares and (patterns or split)):
+        raise InputError("--test: give one share of the presses, or files, and with --split neither")
+    if patterns and not frames:
+        raise InputError(f"--test {patterns[0]} names files of a folder; of a file give a share, such as 25%")
     table, hdf5 = source.suffix.lower() in TABLES, formats.find("hdf5")
     foreign = source.suffix.lower() in hdf5.suffixes and hdf5.load().is_foreign(source)
-    if table or foreign or source.suffix.lower() in SUFFIXES:
+    if columns is not None and not table:
+        raise InputError("--columns is of a table (.csv, .tsv, .txt)")
+    if frames or table or foreign or source.suffix.lower() in SUFFIXES:
         if pad is None or unit is None:
             try:
                 Scan.load(source)
@@ -78,14 +104,22 @@ def command(
                 f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
             )
         measures = load_device(pad).pad
-        if table:
-            refuse_typed(context, names, "is of .npz, .mat and .h5 files; a table has columns of fixed names")
-            scan = read_press_table(source, measures, unit)
+        if frames:
+            refuse_typed(context, ("readings", "poses", "split"), "is of arrays; a folder has a press a file")
+            by = labels if is_typed(context, "labels") else None
+            scan = read_press_folder(source, measures, unit, by, files, patterns)
+        elif table:
+            refuse_typed(
+                context, names, "is of .npz, .mat and .h5 files; of a table --columns names the columns"
+            )
+            scan = read_press_table(source, measures, unit, columns_of(columns) if columns else None)
         else:
             called = {"readings": readings, "poses": poses, "labels": labels} | (
                 {"split": split} if split else {}
             )
             scan = read_arrays(source, called, measures, unit)
+        if shares:
+            scan = with_last_to_test(scan, shares[0])
         scan, told = settled(scan, zero, shared.idle_frames(idle))
     else:
         formats.guess(source)  # a file of no format is refused for that
@@ -97,7 +131,7 @@ def command(
         refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
         refuse_typed(
             context,
-            ("zero", "idle"),
+            ("zero", "idle", "test"),
             f"is of .npz, .mat and .csv files; {source} is a scan as it was exported",
         )
         scan, told = formats.read(source), ""

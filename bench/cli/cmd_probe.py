@@ -8,11 +8,14 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.words import is_typed
+from tactsim.core.errors import InputError
 
-_KEPT, _SHOWN = 8192, 256  # bytes
+_KEPT, _SHOWN = 1 << 18, 256  # bytes; some lines have 2,048 numbers and more
 
 
 def command(
+    context: typer.Context,
     port: pads.Port,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
@@ -40,7 +43,11 @@ def command(
     except SourceError:
         with suppress(SourceError, OSError), open_text(port[0].removeprefix("recording:")) as text:
             heard.received(0, text.read(_KEPT).encode(), 0.0)
-            heard.show(as_bytes=False)
+            if heard.show(as_bytes=False) and not is_typed(context, "device"):
+                raise InputError(
+                    f"{port[0]}: no device file says of which pad it is; keep the one above, fill in what its owner "
+                    "knows, and name it: --device FILE.toml"
+                ) from None
         raise
     with opened as source:
         readings = []
@@ -102,8 +109,11 @@ class _Heard:
     def lost(self, link: int, time: float) -> None:
         """Ignore a lost link."""
 
-    def show(self, as_bytes: bool = True) -> None:
-        """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read."""
+    def show(self, as_bytes: bool = True) -> bool:
+        """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read.
+
+        Returns whether a device file was printed.
+        """
         from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
 
         for at in range(0, min(len(self._first), _SHOWN) if as_bytes else 0, 16):
@@ -118,3 +128,4 @@ class _Heard:
             typer.echo(f"\n{guess.refusal()}\n", err=True)
         elif is_text(self._first):
             typer.echo("\nThe device prints text, but no ended lines of numbers without units.\n", err=True)
+        return guess is not None and guess.read

@@ -53,6 +53,10 @@ def command(
         str | None, typer.Option(help="Cut the readings of a large array into small touches, like 5x5.")
     ] = None,
     stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Readings a second of recordings that state no times.", metavar="HZ"),
+    ] = None,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     zero: shared.Zero = "auto",
@@ -66,7 +70,7 @@ def command(
     from tactsim.core.idle import settled
     from tactsim.hardware.cutting import cut as cut_scan
     from tactsim.hardware.scans import read_intervals, scan_of_intervals, scan_of_sessions
-    from tactsim.hardware.sources import open_source
+    from tactsim.hardware.sources import Clocked, open_source
     from tactsim.models import parse_letters
 
     read = (*recordings, marks, calibration, *(shapes or ()))
@@ -88,11 +92,14 @@ def command(
         raise InputError("--marks, --cut, --moments and --at-load make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
     window = None if cut is None else shared.window(cut)
-    wanted, share = _moments(moments, marks), 1.0 if at_load is None else _share(at_load)
+    wanted, share = _moments(moments, marks), 1.0 if at_load is None else shared.share("--at-load", at_load)
     console = plain_console()
+    if rate is not None and not 0 < rate < float("inf"):
+        raise InputError(f"--rate {rate:g}: give readings a second, above 0")
 
     def opened(path: Path) -> Source:
-        return open_source([f"recording:{path}"], described, correction)
+        source = open_source([f"recording:{path}"], described, correction)
+        return source if rate is None else Clocked(source, rate)
 
     frames = shared.idle_frames(idle, opened)
     lines: list[str] = []
@@ -172,17 +179,6 @@ def _moments(text: str | None, marks: Path | None) -> int | Literal["auto", "fou
     return count
 
 
-def _share(text: str) -> float:
-    """Read a share of the load: 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
-    number = shared.finite_number(text.removesuffix("%"))
-    share = 0.0 if number is None else number / (100 if text.endswith("%") else 1)
-    if not 0 < share <= 1:
-        raise InputError(
-            f"--at-load {text!r}: give a share of the load above 0 %, at most 100 %, such as 75%"
-        )
-    return share
-
-
 def _found(scan: Scan) -> list[str]:
     """Say what was found in the recordings and how touches were cut."""
     lines = [f"taxel {taxel} is left out: {why}" for taxel, why in scan.meta.get("left_out", {}).items()]
@@ -192,6 +188,10 @@ def _found(scan: Scan) -> list[str]:
         lines.append(f"moments of {said['presses']:,} training presses at {shares} of their load")
     if "test_load" in scan.meta:
         lines.append(f"test presses are taken at {scan.meta['test_load']:.0%} of their load")
+        if missing := scan.meta["test_load_missing"]:
+            each = ", ".join(f"{label} {count} of {of}" for label, (count, of) in missing.items())
+            gone = sum(count for count, _ in missing.values())
+            lines.append(f"{gone:,} test presses have no such moment and are left out: {each}")
     if "cut" in scan.meta:
         said = scan.meta["cut"]
         if said["missing"]:

@@ -26,6 +26,15 @@ def finite_number(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def share(option: str, text: str) -> float:
+    """Read a share such as 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
+    number = finite_number(text.removesuffix("%"))
+    found = 0.0 if number is None else number / (100 if text.endswith("%") else 1)
+    if not 0 < found <= 1:
+        raise InputError(f"{option} {text!r}: give a share above 0 %, at most 100 %, such as 75%")
+    return found
+
+
 def number(help: str, *, least: float | None = None, most: float | None = None, **words: Any) -> Any:
     """Describe an option that takes a finite number, from `least` to `most` where they are given.
 

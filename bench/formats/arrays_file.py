@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, whosmat
 
+from tactsim.bench.formats.csv_file import unposed
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.files import read_bytes
@@ -26,10 +27,12 @@ _KINDS = ("double", "single", "logical", "char", "cell") + tuple(
 def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Scan:
     """Read a scan from arrays as `Scan.from_arrays` takes them; nothing is unpickled.
 
-    names: what the arrays `readings`, `poses`, `labels` and perhaps `split` are called in the file. Without a split
-    all presses are to train on. Raises InputError if the file is not whole, lacks an array or holds one of another
-    kind.
+    names: what the arrays `readings`, `poses`, `labels` and perhaps `split` are called in the file; poses called `none`
+    are unknown. Without a split all presses are to train on. Raises InputError if the file is not whole, lacks an array
+    or holds one of another kind.
     """
+    unknown = names["poses"] == "none"
+    names = {role: name for role, name in names.items() if role != "poses" or not unknown}
     wanted = list(dict.fromkeys(names.values()))
     try:
         if path.suffix.lower() == ".mat":
@@ -41,7 +44,10 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
 
             found = read_named(path, wanted)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
+        if unknown:
+            arrays["poses"] = np.zeros((len(arrays["readings"]), 3))
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
+        scan = unposed(scan) if unknown else scan
         if not len(scan):
             raise InputError("it holds no presses: its arrays have no rows")
         check_labels(scan.letters)
@@ -49,7 +55,8 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     except MissingArrayError as error:
         shapes = ", ".join(str(shape) for shape in error.there.values())
         raise InputError(
-            f"cannot read {path}: {error}, shapes {shapes}; --readings, --poses, --labels and --split name them"
+            f"cannot read {path}: {error}, shapes {shapes}; --readings, --poses, --labels and --split name them, and "
+            "--poses none says that nobody noted them"
         ) from error
     except InputError as error:
         raise InputError(f"cannot read {path}: {error}") from error

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -34,27 +37,62 @@ class PressRow(PlacedPress):
 _NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
 
 
-def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
+_POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}
+
+
+def columns_of(text: str) -> dict[str, str]:
+    """Read what columns are called, as in `x_mm=position,label=:cable,taxels=pil*_fz`. Raises InputError.
+
+    `:` stands before a value that all rows have; `taxels` is a pattern of their columns.
+    """
+    called: dict[str, str] = {}
+    for part in text.split(","):
+        name, _, theirs = part.strip().partition("=")
+        if name not in (*_NO_TAXELS, "taxels") or not theirs.strip(": "):
+            raise InputError(
+                f"--columns {part.strip()!r}: give NAME=COLUMN, or NAME=:VALUE for all rows; names are "
+                f"{', '.join(sorted(_NO_TAXELS))} and taxels, whose COLUMN is a pattern such as *_fz"
+            )
+        if name in called or theirs in called.values():
+            raise InputError(
+                f"--columns {part.strip()!r}: {name if name in called else theirs} is named twice"
+            )
+        called[name] = theirs.strip()
+    return called
+
+
+def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str] | None = None) -> Scan:
     """Read a scan from a CSV with a row a press: columns as `PressRow` has them, theta_deg for theta_rad, and taxels.
 
     The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
-    order. Separators, decimal commas and capitals are read as `named_rows` does.
+    order. Separators, decimal commas and capitals are read as `named_rows` does. columns: as `columns_of` reads them.
+    Without a column of the pose nobody knows it.
 
     Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
     """
-    rows, readings = [], []
+    rows, readings = list[PressRow](), list[list[float | None]]()
     taxels: list[str] = []
-    for where, words in named_rows(path, "presses", PressRow, LARGE):
+    columns = dict(columns or {})
+    pattern = columns.pop("taxels", None)
+    same = {name: theirs[1:] for name, theirs in columns.items() if theirs[0] == ":"}
+    called = {name: theirs for name, theirs in columns.items() if name not in same}
+    posed = True
+    for where, words in named_rows(path, "presses", PressRow, LARGE, called):
+        words |= same
+        if not rows:
+            posed = not _POSE.isdisjoint(words)
+        if not posed:
+            words |= {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
         row = checked(PressRow, {name: word for name, word in words.items() if name in _NO_TAXELS}, where)
         rows.append(row)
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
         if not taxels:
-            taxels = _taxel_columns(words, unit, where)
+            taxels = _taxel_columns(words, unit, where, pattern)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
-                    f"{pad.taxels}; call them t0 to t{pad.taxels - 1}"
+                    f"{pad.taxels}; call them t0 to t{pad.taxels - 1}, or say which they are (--columns taxels=PATTERN)"
                 )
         readings.append([_number(words.get(name, "")) for name in taxels])
         if None in readings[-1]:
@@ -63,7 +101,7 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
             raise InputError(f"{where}: {name}: give a finite number, got {got}; a dead taxel may say nan")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
-    return Scan.from_arrays(
+    scan = Scan.from_arrays(
         np.array(readings),
         np.array([row.pose for row in rows]),
         [row.label for row in rows],
@@ -73,10 +111,18 @@ def read_press_table(path: Path, pad: Pad, unit: str) -> Scan:
         loads=None if np.isnan(loads).all() else loads,
         presses=None if rows[0].press is None else [row.press for row in rows],
     )
+    return scan if posed else unposed(scan)
 
 
-def _taxel_columns(words: dict[str, str], unit: str, where: str) -> list[str]:
+def unposed(scan: Scan) -> Scan:
+    """State that nobody noted the poses of a scan: then no placement error is printed."""
+    return replace(scan, meta={**scan.meta, "poses": "unknown"})
+
+
+def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:
     """Choose the columns of taxels, in the order of the taxels. Raises InputError where their names say otherwise."""
+    if pattern is not None:
+        return [name for name in words if name not in _NO_TAXELS and fnmatchcase(name, pattern)]
     if "t0" in words:
         return sorted(filter(_TAXEL.fullmatch, words), key=lambda name: int(name[1:]))
     names = [name for name in words if name not in _NO_TAXELS and _number(words[name]) is not None]

@@ -73,7 +73,7 @@ def hash_data(
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     scan, witness = gathered.scan, Witness()
     plan = plan_of(config, scan, witness, gathered.objects)
-    trials, _ = run_trials(plan, witness, tasks_of(config, gathered.letters), progress=progress)
+    trials, _ = run_trials(plan, witness, tasks_of(config, gathered), progress=progress)
 
     step = (config.scan_options.sensor.resolution if config.pressed else 0) or STEP
     names = [gathered.letters, scan.labels.tolist(), scan.split.tolist(), trials.truth.tolist()]

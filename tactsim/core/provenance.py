@@ -9,6 +9,16 @@ from tactsim.core.errors import InputError, short
 
 # What a taxel may say: a pressure, a force, a voltage or what the device counts.
 UNITS = ("kPa", "N", "V", "count")
+# kPa of other units of pressure, which are converted where readings come in.
+IN_KPA = {
+    "Pa": 1e-3,
+    "hPa": 0.1,
+    "mbar": 0.1,
+    "MPa": 1e3,
+    "bar": 100.0,
+    "psi": 6.894757293,
+    "mmHg": 0.1333223874,
+}
 SOURCES = ("simulated", "recorded", "imported")
 # The licence of readings of shapes that come with tactsim: made for data, it asks to name the authors and nothing
 # else. The code's own, MIT, speaks of software only.

@@ -20,7 +20,7 @@ from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.npz import MissingArrayError, read_npz, write_npz
 from tactsim.core.poses import POSE, FloatArray, compose, invert, spread_out
-from tactsim.core.provenance import check_statements, spdx_name, statements
+from tactsim.core.provenance import IN_KPA, check_statements, spdx_name, statements
 
 if TYPE_CHECKING:
     from tactsim.core.pad import Pad
@@ -203,10 +203,10 @@ class Scan:
         readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
         images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
-        pad: None for the paper's. unit: of the readings. licence: an SPDX name. loads: (n,) N, NaN where not
-        known. presses: (n,) whole numbers, the same for readings of one press. moments: (n,) the share of its press's
-        load at which each reading was taken. A taxel that reads NaN in a press is left out, which is logged and stated
-        in `meta["left_out"]`.
+        pad: None for the paper's. unit: of the readings; other pressures, such as mmHg, become kPa. licence: an SPDX
+        name. loads: (n,) N, NaN where not known. presses: (n,) whole numbers, the same for readings of one press.
+        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN in a press
+        is left out, which is logged and stated in `meta["left_out"]`.
 
         Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
         """
@@ -216,6 +216,8 @@ class Scan:
         values = readings_a_press(readings, pad)
         if np.shape(poses) != (len(values), 3):
             raise InputError(f"poses are {np.shape(poses)}; give ({len(values)}, 3): x mm, y mm, theta rad")
+        if unit in IN_KPA:
+            values, unit = values * IN_KPA[unit], "kPa"
         stated = {"unit": unit} if licence is None else {"unit": unit, "licence": spdx_name(licence)}
         made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
         meta: dict[str, Any] = {**made, "pad": pad.model_dump(mode="json"), **stated}

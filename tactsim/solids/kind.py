@@ -102,8 +102,9 @@ class Solids(Kind):
         objects = {solid.name: Surface.of(solid) for solid in solids}
         return Gathered(scan.of_letters(names), names, work, perf_counter() - start, objects)
 
-    def tasks(self, config: SpaceConfig, letters: Sequence[str]) -> list[OneTrial]:
+    def tasks(self, config: SpaceConfig, gathered: Gathered) -> list[OneTrial]:
         """List the trials, which the objects share, taking turns."""
+        letters = gathered.letters
         return [
             OneTrial(letter, trial)
             for place, letter in enumerate(letters)

@@ -1,0 +1,211 @@
+"""Frames as others keep them, a press in each file or array: a folder of texts, .npy, .npz and .mat, as a scan."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from fnmatch import fnmatch
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import whosmat
+
+from tactsim.bench.formats.arrays_file import mat_arrays
+from tactsim.bench.formats.csv_file import TABLES, unposed
+from tactsim.bench.trials import check_labels
+from tactsim.core import InputError, Pad, Scan
+from tactsim.core.documents import LARGE, read_text
+from tactsim.core.files import read_bytes
+from tactsim.core.npz import LARGEST, read_npz
+from tactsim.core.poses import FloatArray
+
+# Of a press's range of total load: frames above it are its plateau.
+_LOADED = 0.9
+# What tells the presses of one object apart, at the end of their names: `poke05`, `Rotate_1_2_d100`.
+_NUMBER = re.compile(r"([\W_]+[A-Za-z]?\d+|\d+)+$")
+_DIGITS = re.compile(r"(\d+)")
+
+
+def read_press_folder(
+    folder: Path, pad: Pad, unit: str, by: str | None = None, files: str = "*", test: Sequence[str] = ()
+) -> Scan:
+    """Read a scan from the files of frames in a folder and below it, a press in each file, or in each array of a file.
+
+    by: folder or name, whether an object is called as its file's folder, or as the file or the array without the number
+    at its end; None: as the folder, if the files lie in several. files, test: patterns of paths in the folder, such as
+    `S13/*`: which are read, and whose presses are to test with. A press reads the mean of its loaded frames; its pose
+    is unknown. Raises InputError, with the file, where frames do not fit the pad.
+    """
+    if by not in (None, "folder", "name"):
+        raise InputError(f"--labels {by}: say folder or name, whichever is the object's")
+    places = {
+        path: place
+        for path in folder.rglob("*")
+        if path.suffix.lower() in _READERS and fnmatch(place := path.relative_to(folder).as_posix(), files)
+    }
+    if not places:
+        raise InputError(f"{folder}: no file of frames is called {files}; known are {', '.join(_READERS)}")
+    paths = sorted(
+        places,
+        key=lambda path: [int(part) if part.isdigit() else part for part in _DIGITS.split(places[path])],
+    )
+    for pattern in test:
+        if not any(fnmatch(place, pattern) for place in places.values()):
+            raise InputError(f"--test {pattern}: no file is called so; paths are as {places[paths[0]]}")
+    by = by or ("folder" if len({path.parent for path in paths}) > 1 else "name")
+    readings, labels, split = [], [], []
+    for path in paths:
+        try:
+            found = dict(_READERS[path.suffix.lower()](path, pad))
+        except InputError as error:
+            raise InputError(f"cannot read {path}: {error}") from error
+        for name, frames in found.items():
+            readings.append(frames[loaded(frames)].mean(axis=0))
+            labels.append(path.parent.name if by == "folder" else _NUMBER.sub("", name) or name)
+            split.append("test" if any(fnmatch(places[path], pattern) for pattern in test) else "train")
+    check_labels(labels)
+    return unposed(
+        Scan.from_arrays(np.array(readings), np.zeros((len(labels), 3)), labels, split, pad, unit=unit)
+    )
+
+
+def with_last_to_test(scan: Scan, share: float) -> Scan:
+    """Leave the last presses of each object, this share of them, to test with. Raises InputError if none is left."""
+    split = scan.split.copy()
+    for label in scan.letters:
+        own = np.flatnonzero(scan.labels == label)
+        press = own if scan.presses is None else scan.presses[own]
+        numbers = np.unique(press)
+        count = max(1, round(share * len(numbers)))
+        if count >= len(numbers):
+            raise InputError(
+                f"{label!r} has too few presses, {len(numbers)}, to train on some and test with others"
+            )
+        split[own[np.isin(press, numbers[-count:])]] = "test"
+    return replace(scan, split=split)
+
+
+def loaded(frames: FloatArray) -> slice:
+    """Find the longest run of frames (n, taxels) whose total is within a tenth of the largest one."""
+    total = frames.sum(axis=1)
+    low, high = float(total.min()), float(total.max())
+    above = np.flatnonzero(total >= low + _LOADED * (high - low))
+    longest = max(np.split(above, np.flatnonzero(np.diff(above) > 1) + 1), key=len)
+    return slice(int(longest[0]), int(longest[-1]) + 1)
+
+
+def _text(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
+    """Read frames of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
+
+    Lines that hold anything but numbers say nothing. Where a line has as many numbers as a part of the taxels, so many
+    lines that follow each other are a frame, and what stands between them is none.
+    """
+    numbers = [_numbers(line) for line in read_text(path, "frames", LARGE).splitlines()]
+    widths = Counter(len(one) for one in numbers if one is not None)
+    fitting = [
+        width for width in widths if width in (pad.taxels, pad.taxels + 1) or pad.taxels % max(width, 1) == 0
+    ]
+    width = max(fitting, key=lambda one: (one * widths[one], one), default=0)
+    rows = [one for one in numbers if one is not None]
+    if len(widths) == 1 and len(rows) == pad.taxels and width not in (pad.taxels, pad.taxels + 1):
+        table = np.array(rows)
+        if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
+            yield path.stem, table[:, 1:].T
+            return
+    if width < 2:
+        raise InputError(
+            f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {pad.taxels} taxels"
+        )
+    if width >= pad.taxels:
+        yield path.stem, np.array([one[-pad.taxels :] for one in rows if len(one) == width])
+        return
+    lines, frames, block = pad.taxels // width, list[list[float]](), list[list[float]]()
+    for number, one in enumerate([*numbers, None], start=1):
+        if one is not None and len(one) == width:
+            block.append(one)
+            continue
+        if len(block) % lines:
+            raise InputError(
+                f"line {number - len(block)}: {len(block)} lines of {width} numbers follow each other; a frame of "
+                f"{pad.taxels} taxels has {lines}"
+            )
+        frames += np.reshape(block, (-1, pad.taxels)).tolist()
+        block = []
+    yield path.stem, np.array(frames)
+
+
+def _numbers(line: str) -> list[float] | None:
+    """Read a line of numbers between commas, semicolons, tabs or blanks; None if it holds none, or anything else."""
+    try:
+        return [float(word) for word in re.split(r"[,;\t ]+", line.strip(",;\t \r")) if word] or None
+    except ValueError:
+        return None
+
+
+def _npy(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
+    packed = BytesIO()  # as a member of an .npz, whose reader checks sizes first and unpickles nothing
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("frames.npy", read_bytes(path, LARGEST))
+    yield path.stem, _frames(read_npz(packed, ["frames"])["frames"], path.name, pad)
+
+
+def _npz(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+    except (zipfile.BadZipFile, OSError) as error:
+        raise InputError(f"it is not a whole .npz file: {error}") from error
+    yield from _all(read_npz(path, names), path, pad)
+
+
+def _mat(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
+    content = read_bytes(path, LARGEST)
+    try:
+        names = [name for name, shape, _ in whosmat(BytesIO(content)) if _fits(shape, pad)]
+    except Exception as error:  # SciPy's reader fails in many ways on a file that is not whole
+        raise InputError(f"it is no whole MAT file: {error}") from error
+    yield from _all(mat_arrays(content, names), path, pad)
+
+
+def _all(arrays: dict[str, NDArray[Any]], path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
+    """Give the arrays of a file that are frames; a single one is called as the file."""
+    found = {
+        name: array
+        for name, array in arrays.items()
+        if array.dtype.kind in "biuf" and _fits(array.shape, pad)
+    }
+    if not found:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError(
+            f"no array is (frames, {pad.rows}, {pad.columns}) or (frames, {pad.taxels}): {shapes}"
+        )
+    for name, array in found.items():
+        yield name if len(found) > 1 else path.stem, _frames(array, name, pad)
+
+
+def _fits(shape: Sequence[int], pad: Pad) -> bool:
+    picture = (pad.rows, pad.columns)
+    return tuple(shape[-2:]) == picture or (len(shape) in (1, 2) and shape[-1] == pad.taxels)
+
+
+def _frames(array: NDArray[Any], name: str, pad: Pad) -> FloatArray:
+    if array.dtype.kind not in "biuf" or not _fits(array.shape, pad) or not array.size:
+        raise InputError(
+            f"{name} is {array.dtype} of shape {array.shape}; give (frames, {pad.rows}, {pad.columns}) or (frames, "
+            f"{pad.taxels}) numbers"
+        )
+    return array.reshape(-1, pad.taxels).astype(float)
+
+
+_READERS: dict[str, Callable[[Path, Pad], Iterator[tuple[str, FloatArray]]]] = {
+    **dict.fromkeys(TABLES, _text),
+    ".npy": _npy,
+    ".npz": _npz,
+    ".mat": _mat,
+}
