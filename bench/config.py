@@ -24,7 +24,7 @@ from tactsim.bench.kinds import Config
 from tactsim.core import InputError, invert
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
-from tactsim.core.errors import unknown
+from tactsim.core.errors import short, unknown
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
@@ -289,6 +289,14 @@ class ScanWords(BaseModel):
         return checked(ScanOptions, merged(values, self.scan_set), "scan")
 
 
+def _trials(value: Any) -> Any:
+    """Read a number of trials, or all. Raises ValueError."""
+    count = whole_number(value) if isinstance(value, str) else value
+    if value == "all" or (isinstance(count, int) and 1 <= count <= 1_000_000):
+        return value if value == "all" else count
+    raise ValueError(f"give a number of at least 1, or all, got {short(value)}")
+
+
 class RunConfig(ScanWords):
     """One run: an estimator, its readings and how it is tried.
 
@@ -311,7 +319,7 @@ class RunConfig(ScanWords):
         description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
         "in its own trials each letter is held out, the others are known.",
     )
-    trials: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["all"] = Field(
+    trials: Annotated[int | Literal["all"], BeforeValidator(_trials)] = Field(
         10, description="Trials for each letter; all: each test press once, where nobody noted poses."
     )
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
@@ -384,8 +392,10 @@ class RunConfig(ScanWords):
                 "presses of a pad are for testing; name what is trained on with --train-scan (in Python train_scan), "
                 "a file of `bench record` or `bench scan`"
             )
-        if self.trials == "all" and (self.scan is None and self.given is None or self.explore != "random"):
-            raise ValueError("trials all takes each test press of a scan once; name it with --scan, and leave out explore")
+        if self.trials == "all" and ((self.scan is None and self.given is None) or self.explore != "random"):
+            raise ValueError(
+                "trials all takes each test press of a scan once; name it with --scan, and leave out explore"
+            )
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
                 raise ValueError(f"{name} is given by itself and in set; leave one out")

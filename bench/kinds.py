@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 
@@ -39,8 +39,8 @@ class Config(Protocol):
         """Name the estimator."""
 
     @property
-    def trials(self) -> int:
-        """Give the number of trials, of each object or of all."""
+    def trials(self) -> int | Literal["all"]:
+        """Give the number of trials, of each object or of all; or all that the readings make."""
 
     @property
     def seed(self) -> int:

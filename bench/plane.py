@@ -28,6 +28,7 @@ from tactsim.bench.trials import (
     check_labels,
     check_readings,
     draw_true_pose,
+    presses_with,
 )
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
@@ -135,6 +136,7 @@ class Plane(Kind):
 
             assert train is not None  # as a configuration with presses has it
             letters = chosen_letters(config, train.letters)
+            assert config.trials != "all"  # which is of a scan
             scan = measured_scan(config.presses, letters, config.trials, config.readings)
         else:
             self.check(config)
@@ -168,16 +170,20 @@ class Plane(Kind):
         """Raise InputError as `trials.check_readings` does."""
         if config.trials == "all" and not poses_unknown(gathered.scan.meta):
             raise InputError(
-                "trials all: every press once is of presses whose poses nobody noted; of others trials draw their readings, "
-                "so give their number"
+                "trials all: takes every press once, of scans whose poses nobody noted; of others trials draw their "
+                "readings, so give a number"
             )
         check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
 
     def tasks(self, config: RunConfig, gathered: Gathered) -> list[OneTrial]:
         """List the trials of a run: as many of each letter, or one for each of its test presses."""
-        counts = dict.fromkeys(gathered.letters, config.trials)
-        if config.trials == "all":
-            counts = {letter: len(presses_with(gathered.scan.where("test", letter), config.readings)) for letter in counts}
+        test = gathered.scan.where("test")
+        counts = {
+            letter: len(presses_with(test.where(label=letter), config.readings))
+            if config.trials == "all"
+            else config.trials
+            for letter in gathered.letters
+        }
         return [OneTrial(letter, trial) for letter, count in counts.items() for trial in range(count)]
 
     def plan(

@@ -124,8 +124,9 @@ def print_run(run: Run, verbose: bool = False) -> None:
     if how:
         console.print(how)
     task = f"task {run.task}; " if run.task not in (None, run.kind.name) else ""
-    all_alike = len(run.letters) > 1 and len(run.trials.truth) == len(run.letters) * run.config["trials"]
-    trials = counted(run.config["trials"], "trial") + (" each" if all_alike else "")
+    asked, done = run.config["trials"], len(run.trials.truth)
+    all_alike = asked != "all" and len(run.letters) > 1 and done == len(run.letters) * asked
+    trials = counted(done if asked == "all" else asked, "trial") + (" each" if all_alike else "")
     known = run.plan.scan.where("train").letters if run.plan else ()
     among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
     console.print(f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}")

@@ -134,7 +134,7 @@ def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def presses_with(scan: Scan, readings: int) -> NDArray[np.int64]:
-    """Number the presses of a scan that have so many readings: (n,)."""
+    """List the presses of a scan, by number, that have so many readings: (n,)."""
     press, count = _counted_presses(scan)
     return np.unique(press[count >= readings])
 

@@ -249,6 +249,8 @@ def named_rows(
     titles = (text_tables.title_cells(line) for line in lines[: text_tables.TITLE_WITHIN])
     heads = [[known.get(cell.lower(), cell) for cell in cells] for cells in titles]
     names = max(heads, key=lambda head: len({*head}.intersection(known.values())), default=[])
+    if called and not {*names}.intersection(known.values()):
+        raise InputError(f"{path}: no line names a column {' or '.join(map(repr, called.values()))}")
     if not {*names}.intersection(known.values()):
         also = "; of a recording `bench replay --marks` makes presses" if what == "presses" else ""
         raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}{also}")

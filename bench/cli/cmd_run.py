@@ -157,6 +157,7 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
             raise unknown("letter of --train-scan", name, train.where("train").letters)
     fit(estimator, train.of_letters(tuple(learned)), forward_model)
     assert config.presses is not None  # `command` has seen to it
+    assert config.trials != "all"  # which is of a scan
     wanted = Wanted(letters, config.trials, config.readings, config.seed)
     if measure(station, wanted, config.presses, settings):
         return True

@@ -31,7 +31,7 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     are unknown. Without a split all presses are to train on. Raises InputError if the file is not whole, lacks an array
     or holds one of another kind.
     """
-    unknown = names["poses"] == "none"
+    unknown = names.get("poses") == "none"
     names = {role: name for role, name in names.items() if role != "poses" or not unknown}
     wanted = list(dict.fromkeys(names.values()))
     try:

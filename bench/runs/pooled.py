@@ -304,7 +304,11 @@ def _told_apart(one: Pooled, pools: Sequence[Pooled]) -> Pooled:
     if len({of.readings for of in alike}) > 1:
         mark.append(counted(one.readings, one.run.kind.touch))
     if len({of.run.config["trials"] for of in alike}) > 1:
-        mark.append(counted(one.run.config["trials"], "trial"))
+        mark.append(
+            counted(len(one.run.trials.truth), "trial")
+            if one.run.config["trials"] == "all"
+            else counted(one.run.config["trials"], "trial")
+        )
     return replace(one, mark=", ".join(mark))
 
 

@@ -95,3 +95,17 @@ def test_runs_with_unknown_poses_are_pooled_without_a_placement_error():
     ]
     (pooled,) = pool(runs)
     assert pooled.mean(pooled.errors[:, -1], pooled.trials.named[:, -1]).value is None
+
+
+def test_all_trials_take_every_press_with_enough_readings_once():
+    """Every press but the last has six windows: with five a trial there are three trials of each letter."""
+    run = tactsim.run(scan=windows(), estimator=Heard(Options()), trials="all", readings=5)
+    taken = [run.plan.test_readings(OneTrial("A", trial)).readings[0, 0] for trial in range(PRESSES - 1)]
+    assert (len(run.trials.truth), sorted(taken)) == (2 * (PRESSES - 1), list(range(PRESSES - 1)))
+    known = replace(windows(), meta={})
+    with pytest.raises(InputError, match="poses nobody noted"):
+        tactsim.run(scan=known, estimator=Heard(Options()), trials="all", readings=5)
+    with pytest.raises(InputError, match="name it with --scan"):
+        tactsim.run(letters="A", trials="all")
+    with pytest.raises(InputError, match="a number of at least 1, or all, got 'x'"):
+        tactsim.run(letters="A", trials="x")

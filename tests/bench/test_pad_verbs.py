@@ -382,3 +382,49 @@ def test_a_scan_of_one_split_is_refused_with_the_way_out(here, tmp_path):
     refused(
         here("run", "--scan", "train.npz", "--trials", "1"), "no test readings", "--split", "--train-scan"
     )
+
+
+SIX = """name = "six"
+[codec]
+kind = "csv"
+taxels = 6
+kpa_per_count = 1.0
+[pad]
+rows = 2
+columns = 3
+no_seam = true
+unread_columns = 0
+"""
+
+
+def test_a_recording_without_a_clock_is_cut_into_presses_at_a_rate(here, tmp_path):
+    """Six presses: every second one rises at once, and so has no half of its load on the way."""
+    frames, marks = [np.zeros(6)] * 50, ["label,split,x_mm,y_mm,theta_rad,first_s,last_s"]
+    for number in range(6):
+        label = "AB"[number // 3]
+        rise = [0.25, 0.5, 0.75] if number % 2 == 0 else []
+        frames += [share * np.arange(40, 100, 10) for share in [*rise, *[1.0] * 20, *[0.0] * 27]]
+        held = len(frames) - 47
+        split = "train" if number % 3 == 0 else "test"
+        marks.append(f"{label},{split},{number},0,0,{held / 25},{(held + 19) / 25}")
+    (tmp_path / "a.txt").write_text("".join("\t".join(f"{x:g}" for x in frame) + "\n" for frame in frames))
+    (tmp_path / "six.toml").write_text(SIX)
+    (tmp_path / "marks.csv").write_text("\n".join(marks) + "\n")
+    words = ("replay", "a.txt", "--device", "six.toml", "--marks", "marks.csv", "--scan")
+    assert "--rate HZ" in here(*words, "none.npz").stderr
+    done = here(*words, "half.npz", "--rate", "25", "--at-load", "50%")
+    assert done.returncode == 0, done.stderr
+    assert "2 test presses have no such moment and are left out: A 1 of 2, B 1 of 2" in done.stdout
+    test = Scan.load(tmp_path / "half.npz").where("test")
+    assert test.readings == pytest.approx(np.tile(np.arange(20, 50, 5), (2, 1)))
+    refused(here(*words, "no.npz", "--rate", "0"), "--rate 0", "above 0")
+    (tmp_path / "timed.txt").write_text("".join(f"{40 * k},1,2,3,4,5,6\n" for k in range(5)))
+    (tmp_path / "six.toml").write_text(SIX.replace("taxels", 'before = ["clock"]\ntaxels'))
+    refused(here("replay", "timed.txt", "--device", "six.toml", "--rate", "25"), "states its times itself")
+
+
+def test_long_lines_are_probed_and_the_pad_that_they_are_of_is_asked_for(here, tmp_path):
+    (tmp_path / "k.txt").write_text("\n".join("\t".join(["1000"] * 2048) for _ in range(20)))
+    done = here("probe", "--port", "recording:k.txt")
+    refused(done, "no device file says of which pad it is", "--device FILE.toml")
+    assert "taxels = 2048" in done.stderr

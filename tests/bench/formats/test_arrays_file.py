@@ -183,3 +183,11 @@ def test_a_damaged_mat_file_is_read_or_refused_in_one_line(tmp_path):
     for seed in range(100):  # of 1,200 files that are damaged like this SciPy's reader dies of one
         bad = damaged(content, np.random.default_rng(seed))
         reads_or_refuses(lambda path: read_arrays(path, NAMES, PAD, "N"), path, bad, f"seed {seed}")
+
+
+def test_arrays_without_poses_say_that_nobody_noted_them(tmp_path, here):
+    np.savez(tmp_path / "lab.npz", readings=READINGS, labels=list("ABAB"))
+    refused(here("import", "lab.npz", *WORDS), "--poses none")
+    assert here("import", "lab.npz", *WORDS, "--poses", "none", "--test", "50%").returncode == 0
+    scan = Scan.load(tmp_path / "scan.npz")
+    assert (scan.meta["poses"], scan.split.tolist()) == ("unknown", ["train", "train", "test", "test"])

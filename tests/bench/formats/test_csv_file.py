@@ -5,7 +5,7 @@ import pytest
 from command_line import refused
 
 from tactsim.bench.cli.shared_options import idle_frames
-from tactsim.bench.formats.csv_file import read_press_table
+from tactsim.bench.formats.csv_file import columns_of, read_press_table
 from tactsim.core import InputError, Pad, Scan
 
 PAD = Pad(rows=2, columns=3, seam=None, unread_columns=0)
@@ -130,3 +130,41 @@ def test_a_table_is_imported_from_the_command_line(tmp_path, here):
 def test_idle_readings_are_read_from_any_table(tmp_path, text):
     (tmp_path / "idle.csv").write_text(text, encoding="utf-16")
     assert np.atleast_2d(idle_frames(tmp_path / "idle.csv"))[-1].tolist() == [0.5, 1]
+
+
+OTHERS = "kind,position,angle,p0_fx,p0_fz,p1_fz,p2_fz,p3_fz,p4_fz,p5_fz\n"
+
+
+def test_columns_of_other_names_are_told(tmp_path):
+    (tmp_path / "lab.csv").write_text(OTHERS + "7,1.5,90,9,1,2,3,4,5,6\n7,2.5,0,9,0,1,1,2,2,3\n")
+    told = columns_of("x_mm=position, y_mm=:0,theta_deg=angle,label=kind,split=:test,taxels=*_fz")
+    scan = read_press_table(tmp_path / "lab.csv", PAD, "N", told)
+    assert scan.readings.tolist() == [[1, 2, 3, 4, 5, 6], [0, 1, 1, 2, 2, 3]]
+    assert scan.poses == pytest.approx(np.array([[1.5, 0, np.pi / 2], [2.5, 0, 0]]))
+    assert (scan.labels.tolist(), scan.split.tolist()) == (["7", "7"], ["test", "test"])
+    assert "poses" not in scan.meta
+
+
+def test_a_table_without_poses_says_that_nobody_knows_them(tmp_path):
+    (tmp_path / "lab.csv").write_text("Fruit,a 1,a 2,a 3,b 1,b 2,b 3\n0,1,2,3,4,5,6\n")
+    scan = read_press_table(tmp_path / "lab.csv", PAD, "mmHg", columns_of("label=Fruit"))
+    assert (scan.meta["poses"], scan.meta["unit"], scan.poses.tolist()) == ("unknown", "kPa", [[0, 0, 0]])
+    assert scan.readings == pytest.approx(101.325 / 760 * np.arange(1, 7)[None], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ("x_mm", "'x_mm': give NAME=COLUMN"),
+        ("colour=kind", "names are label, .* and taxels"),
+        ("label=kind,label=angle", "label is named twice"),
+        ("x_mm=angle,theta_deg=angle", "angle is named twice"),
+        ("label=what", "no line names a column 'what'"),
+        ("x_mm=position,label=what", "no column is called 'what'; there are"),
+        ("label=kind,taxels=*_fy", "0 columns of taxels"),
+    ],
+)
+def test_columns_that_are_not_there_or_named_twice_are_refused(tmp_path, told, message):
+    (tmp_path / "lab.csv").write_text(OTHERS + "7,1.5,90,9,1,2,3,4,5,6\n")
+    with pytest.raises(InputError, match=message):
+        read_press_table(tmp_path / "lab.csv", PAD, "N", columns_of(told))

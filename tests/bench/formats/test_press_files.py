@@ -1,0 +1,116 @@
+"""Folders of frames, a press in each file, in the forms in which people publish them."""
+
+import numpy as np
+import pytest
+from command_line import refused
+from scipy.io import savemat
+
+from tactsim.bench.formats.press_files import read_press_folder
+from tactsim.core import InputError, Pad, Scan
+
+PAD = Pad(rows=4, columns=6, seam=None, unread_columns=0)
+# Of a press: idle, two frames under load, idle again. Counts, so that texts say them whole.
+LOADED = np.random.default_rng(0).permuted(np.tile(np.arange(24) * 4, (2, 1)), axis=1)
+FRAMES = np.concatenate([np.zeros((3, 24), int), LOADED, np.ones((2, 24), int)])
+
+
+def lines(rows, mark=","):
+    return "".join(mark.join(map(str, row)) + "\n" for row in rows)
+
+
+def several_lines(head=""):
+    """Write frames of four lines, each below a line of other numbers, as a hand's joints."""
+    return head + "".join("1.5 2.5 3.5 4.5 5.5\n" + lines(frame.reshape(4, 6), " ") for frame in FRAMES)
+
+
+TEXTS = {
+    "a line a frame, tabs, no title": lines(FRAMES, "\t"),
+    "a shape above": "shape,4,6\n" + lines(FRAMES),
+    "a clock before": lines(np.column_stack([np.arange(7) * 0.1 + 1.7e9, FRAMES]), ";"),
+    "a title, and a comma behind": "".join(f"t{k}," for k in range(24)) + "\n" + lines(FRAMES).replace("\n", ",\n"),
+    "four lines a frame": several_lines("-10000\n"),
+    "four lines a frame, nothing between": lines(FRAMES.reshape(-1, 6)),
+    "a line a taxel": "node_id," + ",".join(f"frame{k}" for k in range(7)) + "\n"
+    + lines(np.column_stack([np.arange(24), FRAMES.T])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", TEXTS)
+def test_a_press_reads_its_loaded_frames_in_whatever_form_they_stand(tmp_path, form):
+    (tmp_path / "nut07.txt").write_text(TEXTS[form])
+    scan = read_press_folder(tmp_path, PAD, "count")
+    assert scan.readings == pytest.approx(LOADED.mean(axis=0)[None])
+    assert (scan.labels.tolist(), scan.meta["poses"]) == (["nut"], "unknown")
+
+
+def test_arrays_are_read_one_a_file_or_one_a_press(tmp_path):
+    np.save(tmp_path / "bolt_1.npy", FRAMES.reshape(7, 4, 6))
+    np.savez(tmp_path / "bolt_2.npz", frames=FRAMES)
+    savemat(tmp_path / "more.mat", {"Nut_1_1": FRAMES, "Nut_1_2": 2 * FRAMES, "other": np.ones((3, 5))})
+    scan = read_press_folder(tmp_path, PAD, "count")
+    assert scan.labels.tolist() == ["bolt", "bolt", "Nut", "Nut"]
+    assert scan.readings == pytest.approx(np.outer([1, 1, 1, 2], LOADED.mean(axis=0)))
+
+
+def test_long_lines_of_a_mat_in_folders_become_a_scan(here, tmp_path):
+    """Lines of 2,048 numbers, a folder a person, mmHg: what is to test with is said by its folder."""
+    rng = np.random.default_rng(1)
+    for person in ("S1", "S2"):
+        (tmp_path / "data" / person).mkdir(parents=True)
+        for posture in (1, 2, 10):
+            image = 100 * (np.arange(2048) % 32 // 11 == posture % 3) + rng.integers(1000, 1010, (5, 2048))
+            (tmp_path / "data" / person / f"{posture}.txt").write_text(lines(image, "\t"))
+        (tmp_path / "data" / "about.csv").write_text("person,kg\nS1,70\n")
+    (tmp_path / "mat.toml").write_text(
+        "rows = 64\ncolumns = 32\nno_seam = true\npitch_x = 25.0\npitch_y = 25.0\n"
+    )
+    words = (
+        "import",
+        "data",
+        "--pad",
+        "mat.toml",
+        "--unit",
+        "mmHg",
+        "--labels",
+        "name",
+        "--files",
+        "*/*.txt",
+    )
+    assert here(*words, "--test", "S2/*", "--zero", "off", "--out", "scan.npz").returncode == 0
+    scan = Scan.load(tmp_path / "scan.npz")
+    assert scan.labels.tolist() == ["1", "2", "10"] * 2
+    assert scan.split.tolist() == ["train"] * 3 + ["test"] * 3
+    assert scan.readings.min() == pytest.approx(1000 * 0.13332, rel=0.01)
+    refused(here(*words, "--test", "S9/*", "--out", "no.npz"), "--test S9/*")
+    refused(here(*words, "--test", "50%", "--test", "S2/*", "--out", "no.npz"), "give one share")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.txt", lines(FRAMES.reshape(-1, 6)[:-1]), "27 lines of 6 numbers follow each other"),
+        ("a.txt", "1 2 3 4 5 6 7\n" * 4, "lines have 7 numbers, no frames of 24 taxels"),
+        ("a.txt", "nothing\n", "lines have no numbers"),
+        ("a.npy", "text", "whole .npz file|no header"),
+    ],
+)
+def test_frames_that_do_not_fit_are_refused_with_their_file(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        read_press_folder(tmp_path, PAD, "count")
+    assert name in str(error.value)
+
+
+def test_the_last_presses_of_each_object_are_left_to_test(here, tmp_path):
+    for label in ("nut", "bolt"):
+        for number in range(1, 5):
+            (tmp_path / "all").mkdir(exist_ok=True)
+            (tmp_path / "all" / f"{label}{number}.csv").write_text(lines(number * FRAMES))
+    (tmp_path / "pad.toml").write_text("rows = 4\ncolumns = 6\nno_seam = true\nunread_columns = 0\n")
+    words = ("import", "all", "--pad", "pad.toml", "--unit", "count", "--zero", "off", "--out", "scan.npz")
+    assert here(*words, "--test", "25%").returncode == 0
+    scan = Scan.load(tmp_path / "scan.npz")
+    assert scan.where("test").readings.sum() == pytest.approx(8 * LOADED.mean(axis=0).sum())
+    (tmp_path / "scan.npz").unlink()
+    refused(here(*words, "--labels", "colour"), "say folder or name")
+    refused(here(*words, "--test", "100%"), "too few presses")
