@@ -229,7 +229,7 @@ def _asked_otherwise(run: Run, config: RunConfig, jobs: int, cache: bool) -> str
         return f"the task says explore {config.explore}, and the run {short(run.config.get('explore'))}"
     gathered = experiment.gather(config, jobs=jobs, cache=cache, progress=experiment.silent)
     done = list(zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True))
-    if done != [(task.truth, task.trial) for task in experiment.tasks_of(config, gathered.letters)]:
+    if done != [(task.truth, task.trial) for task in experiment.tasks_of(config, gathered)]:
         return "its trials are not those of the task: some are missing, or there are more"
     return None if run.readings == config.readings else f"its trials are not of {config.readings} readings"
 
