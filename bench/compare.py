@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,16 +10,14 @@ import numpy as np
 from pydantic import BaseModel
 
 from tactsim.bench.config import flags_of
+from tactsim.bench.intervals import FEWEST_PAIRS, paired_interval
 from tactsim.bench.results import Run
-from tactsim.bench.score import FEWEST_PAIRS, Scored, settled_by
+from tactsim.bench.score import settled_by
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import shape_digest
 
-DRAWS = 4000  # bootstrap resamples of the trials
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
-# So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
-_ENOUGH_PAIRS = 30
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
     """
     _check_same_trials(base, new)
     rng = np.random.default_rng(0)
-    scored = [Scored(run.trials, run.objects) for run in (base, new)]
+    scored = [run.scored for run in (base, new)]
     kind = base.kind
     readings = min(base.readings, new.readings)
     right = [run.trials.right[:, :readings] for run in (base, new)]
@@ -86,26 +83,6 @@ def mcnemar(base: np.ndarray, new: np.ndarray) -> float:
 
     lost, won = int((base & ~new).sum()), int((~base & new).sum())
     return float(binomtest(won, lost + won).pvalue) if lost + won else 1.0
-
-
-def paired_interval(difference: FloatArray, rng: np.random.Generator, level: float) -> tuple[float, float]:
-    """Bound the mean of paired differences (n,): percentile bootstrap over pairs; of fewer than 30 Student's t.
-
-    The interval of fewer than `FEWEST_PAIRS` holds 0 in any case.
-    """
-    n = len(difference)
-    if n < _ENOUGH_PAIRS:
-        from scipy.special import stdtrit
-
-        middle = float(difference.mean())
-        half = (
-            float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n)) if n > 1 else 0.0
-        )
-        low, high = middle - half, middle + half
-        return (min(low, 0.0), max(high, 0.0)) if n < FEWEST_PAIRS else (low, high)
-    counts = rng.multinomial(n, np.full(n, 1 / n), size=DRAWS)
-    low, high = np.quantile(counts @ difference / n, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
 
 
 def paired(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tactsim.bench import columns, kinds
 from tactsim.bench.kinds import PLANE, Kind
-from tactsim.bench.score import CURVES, errors, summarise
+from tactsim.bench.score import CURVES, HEADLINES, Scored, summarise
 from tactsim.bench.trials import TrialPlan, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -33,26 +33,12 @@ if TYPE_CHECKING:
 _ROWS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a small table shows
 
 
-class _Curve:
-    """A metric over the reading count 1..r as an attribute of a run: (r,), NaN where it is undefined."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self.__doc__ = f"{CURVES[name].description} Shape (readings,); NaN where it is undefined."
-
-    @overload
-    def __get__(self, run: None, owner: type) -> _Curve: ...
-    @overload
-    def __get__(self, run: Run, owner: type) -> FloatArray: ...
-    def __get__(self, run: Run | None, owner: type) -> _Curve | FloatArray:
-        return self if run is None else np.array(run.summary[self._name], dtype=float)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A finished run: what was asked, what came out, and how good it is.
 
-    The curves are arrays over the reading count: `accuracy[4]` is the accuracy after five readings.
+    Every metric of `bench list metrics` is an attribute; curves are arrays over the reading count: `accuracy[4]` is the
+    accuracy after five readings.
 
     config: the configuration. about: versions, machine, protocol, the estimator's description and options, eq.
     3's agreement. objects: what the error metric needs of each, such as a letter's `Properties`. work: counts of
@@ -74,20 +60,18 @@ class Run:
     bounds: FloatArray | None = None
     shape_files: tuple[Path, ...] = ()
 
-    accuracy = _Curve("accuracy")
-    accuracy_low = _Curve("accuracy_low")
-    accuracy_high = _Curve("accuracy_high")
-    error_mm = _Curve("error_mm")
-    error_standard_error_mm = _Curve("error_standard_error_mm")
-    error_all_mm = _Curve("error_all_mm")
-    negative_log_likelihood = _Curve("negative_log_likelihood")
-    calibration_gap = _Curve("calibration_gap")
-    coverage_50 = _Curve("coverage_50")
-    coverage_90 = _Curve("coverage_90")
-    sharpness_mm = _Curve("sharpness_mm")
-    refused_known = _Curve("refused_known")
-    refused_unknown = _Curve("refused_unknown")
-    evaluations = _Curve("evaluations")
+    def __getattr__(self, name: str) -> Any:
+        """Give a metric of `bench list metrics`: a curve (readings,), NaN where undefined, or one of whole trials."""
+        if name in CURVES:
+            return np.array(self.summary[name], dtype=float)
+        if name in HEADLINES:
+            return self.summary[name]
+        raise AttributeError(f"a run has no {name}")
+
+    @cached_property
+    def scored(self) -> Scored:
+        """The trials with what figures need of them."""
+        return Scored(self.trials, self.objects, self.bounds)
 
     @property
     def bound_mm(self) -> FloatArray:
@@ -102,7 +86,7 @@ class Run:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Every metric by name, computed from the trials: lists over the reading count, and headlines."""
-        return summarise(self.trials, self.objects)
+        return summarise(self.scored)
 
     @cached_property
     def against_bound(self) -> dict[str, Any]:
@@ -114,27 +98,7 @@ class Run:
             bound_curves,  # a run without bounds does without their room
         )
 
-        return bound_curves(self.bounds, self.trials, self.objects)
-
-    @property
-    def all_right_from(self) -> int | None:
-        """The reading from which every trial is and stays right; None if there is none."""
-        return self.summary["all_right_from"]
-
-    @property
-    def settled_95(self) -> int | None:
-        """The reading by which 95 % of the trials are and stay right; None if there is none."""
-        return self.summary["settled_95"]
-
-    @property
-    def settled_50(self) -> int | None:
-        """The reading by which half of the trials are and stay right; None if there is none."""
-        return self.summary["settled_50"]
-
-    @property
-    def recovered_within_3(self) -> float | None:
-        """The share of the jumps after which an estimate is right to 1 mm within three readings; None without jumps."""
-        return self.summary["recovered_within_3"]
+        return bound_curves(self.bounds, self.scored)
 
     @property
     def badly_explained(self) -> str | None:
@@ -147,11 +111,6 @@ class Run:
         """List what a reader should know before trusting the figures, a line each."""
         lines = [] if self.badly_explained is None else [self.badly_explained]
         return lines + self.kind.cautions(self)
-
-    @property
-    def confusion(self) -> dict[str, dict[str, int]]:
-        """The estimates after the last reading: {true letter: {estimated letter: trials}}."""
-        return self.summary["confusion"]
 
     @property
     def estimator(self) -> str:
@@ -238,7 +197,7 @@ class Run:
 
     def table(self) -> Any:
         """Give the columns and the placement error, `error_mm`, as a pandas DataFrame; without pandas, as arrays."""
-        table = self.columns() | {"error_mm": errors(self.trials, self.objects).ravel()}
+        table = self.columns() | {"error_mm": self.scored.error.ravel()}
         try:
             from pandas import DataFrame
         except ImportError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ from tactsim.bench.bound.cramer_rao import MOST_MM
 from tactsim.bench.bound.response import is_quick
 from tactsim.bench.bound.scan_information import pressed_letters, scan_bounds, stated_options
 from tactsim.bench.config import Slip
-from tactsim.bench.placement import Properties
-from tactsim.bench.score import errors
+from tactsim.bench.score import Scored
 from tactsim.bench.trials import Trials
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
@@ -43,19 +41,18 @@ def bounds_of_trials(scan: Scan, trials: Trials, explore: str, slip: Slip) -> tu
         return None, str(error)
 
 
-def bound_curves(
-    bounds: FloatArray, trials: Trials, objects: Mapping[str, Properties]
-) -> dict[str, list[float | None]]:
+def bound_curves(bounds: FloatArray, scored: Scored) -> dict[str, list[float | None]]:
     """Average bounds (n, r) over the trials that are determined by their readings, by reading.
 
     bound_mm: the mean. determined: the share of such trials. efficiency: the mean error of those whose letter is known
     and right, over the mean bound of the same trials. Before ENOUGH of the trials are determined the bound is the
     prior's, and bound_mm and efficiency are None.
     """
+    trials = scored.trials
     counted = stated(bounds, trials)
     named = counted & trials.named
     of_named = (
-        np.where(named, errors(trials, objects), 0).sum(axis=0),
+        np.where(named, scored.error, 0).sum(axis=0),
         np.where(named, bounds, 0).sum(axis=0),
     )
     with np.errstate(invalid="ignore", divide="ignore"):

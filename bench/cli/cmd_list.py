@@ -155,9 +155,9 @@ def _slip() -> list[Row]:
 
 def _metrics() -> list[Row]:
     from tactsim.bench import kinds
-    from tactsim.bench.score import CURVES, HEADLINES
+    from tactsim.bench.score import BESIDE, CURVES, HEADLINES
 
-    rows = [(name, "", metric.description) for name, metric in (CURVES | HEADLINES).items()]
+    rows = [(name, "", metric.description) for name, metric in (CURVES | HEADLINES | BESIDE).items()]
     for kind in kinds.names():
         own = kinds.load(kind).metrics
         rows += [(name, f"of {kind}", metric.description) for name, metric in own.items()]

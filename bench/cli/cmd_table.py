@@ -27,8 +27,8 @@ def command(
         typer.Option(
             "--figure",
             metavar="NAME[@READING]",
-            help="A column, such as right@5, error@20 or settled_95; repeat for several. Default: right@1, right@5, "
-            "settled_95 and the error at the end.",
+            help="A column, such as accuracy@5, error_mm@20 or settled_95; repeat for several. Default: accuracy@1, "
+            "accuracy@5, settled_95 and the error at the end.",
         ),
     ] = None,
     rank: Annotated[
@@ -36,7 +36,7 @@ def command(
         typer.Option(
             "--rank",
             metavar="FIGURE",
-            help="Order the methods by this figure, such as error@20, and say which ranks the tests leave to each.",
+            help="Order the methods by this figure, such as error_mm@20, and say which ranks the tests leave to each.",
         ),
     ] = None,
 ) -> None:

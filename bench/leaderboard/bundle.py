@@ -317,7 +317,7 @@ def figures_of(bundle: Bundle, scored: Iterable[str]) -> dict[str, float | None]
 
     Raises InputError if there are no runs.
     """
-    summary = summarise(bundle.trials, bundle.runs[0].objects)
+    summary = summarise(bundle.pooled.scored)
     found = {}
     for figure in scored:
         metric, at, reading = figure.partition("@")

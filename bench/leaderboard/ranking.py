@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.compare import FEWEST_PAIRS, mcnemar
-from tactsim.bench.runs.pooled import Pooled, figure_of, parts_of
+from tactsim.bench.compare import mcnemar
+from tactsim.bench.intervals import FEWEST_PAIRS, percentiles
+from tactsim.bench.runs.pooled import Pooled, figure_of, metric_of
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 
@@ -76,7 +77,7 @@ def holm(p: Sequence[float]) -> FloatArray:
 def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatArray) -> Errors:
     """Compare all pairs of methods by placement errors (m, n), mm, of the trials that both named (m, n).
 
-    counts: (draws, n), how often each bootstrap draw has each trial (`pooled.resampled`). Pairs with fewer common
+    counts: (draws, n), how often each bootstrap draw has each trial (`intervals.resampled`). Pairs with fewer common
     trials than `FEWEST_PAIRS` are not told apart.
     """
     methods = len(errors)
@@ -87,7 +88,7 @@ def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatAr
         difference = apart.sum(axis=1) / both.sum(axis=1)
         drawn = (counts @ apart.T) / (counts @ both.T)  # (draws, pairs)
     drawn = np.where(np.isnan(drawn), difference, drawn)  # a draw without a common trial says nothing
-    low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+    low, high = percentiles(drawn)
     p = _largest_of(np.where(both.sum(axis=1) < FEWEST_PAIRS, 0.0, difference), drawn)
     square = [np.full((methods, methods), np.nan) for _ in range(3)] + [np.ones((methods, methods))]
     for one, upper, lower in zip(
@@ -139,18 +140,18 @@ class Ranking:
 
 
 def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Ranking:
-    """Rank pools of runs by a figure such as error@20; what is the same by it stands in the order of the other one.
+    """Rank pools of runs by a figure such as error_mm@20; what is the same by it stands in the order of the other one.
 
-    by, other: one an accuracy (right@N), the other an error (error@N, error_all@N), `other` by default right@5 or the
-    error over all trials at the end. Raises InputError for another figure, and for pools that do not have the same
+    by, other: one an accuracy (accuracy@N), the other an error (error_mm@N, error_all_mm@N), `other` by default accuracy@5 or
+    the error over all trials at the end. Raises InputError for another figure, and for pools that do not have the same
     trials.
     """
     last = min(one.readings for one in pools)
-    kinds = {"right": 0, "error": 1, "error_all": 1}
-    if parts_of(by)[0] not in kinds:
-        raise InputError(f"methods are ranked by right@N, error@N or error_all@N, not by {by}")
-    of_error = kinds[parts_of(by)[0]] == 1
-    other = other or (f"right@{min(5, last)}" if of_error else f"error_all@{last}")
+    kinds = {"accuracy": 0, "error_mm": 1, "error_all_mm": 1}
+    if by.partition("@")[0] not in kinds:
+        raise InputError(f"methods are ranked by accuracy@N, error_mm@N or error_all_mm@N, not by {by}")
+    of_error = kinds[by.partition("@")[0]] == 1
+    other = other or (f"accuracy@{min(5, last)}" if of_error else f"error_all_mm@{last}")
     accuracy_by, error_by = (other, by) if of_error else (by, other)
     pools = sorted(pools, key=lambda one: (*(_loss(one, figure) for figure in (by, other)), one.label))
     ids = [_ids(one) for one in pools]
@@ -161,10 +162,10 @@ def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Rankin
     def column(values: Sequence[NDArray]) -> NDArray:
         return np.stack([of_one[order] for of_one, order in zip(values, orders, strict=True)])
 
-    right = [one.trials.right[:, int(parts_of(accuracy_by)[1]) - 1] for one in pools]
-    name, at = parts_of(error_by)
+    right = [one.trials.right[:, int(accuracy_by.partition("@")[2]) - 1] for one in pools]
+    name, _, at = error_by.partition("@")
     apart = [one.errors[:, int(at) - 1] for one in pools]
-    counted = [one.trials.named[:, int(at) - 1] if name == "error" else one.trials.known for one in pools]
+    counted = [one.trials.named[:, int(at) - 1] if name == "error_mm" else one.trials.known for one in pools]
     accuracies = compare_accuracies(column(right))
     errors = compare_errors(column(apart), column(counted), pools[0].counts[:, orders[0]])
     if of_error:
@@ -194,4 +195,4 @@ def _loss(one: Pooled, figure: str) -> float:
     value = figure_of(one, figure).value
     if value is None:
         return np.inf
-    return -value if parts_of(figure)[0] == "right" else value
+    return -metric_of(figure).better * value

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tactsim.bench.experiment import silent
+from tactsim.bench.intervals import Figure
 from tactsim.bench.leaderboard.bundle import (
     DONE,
     SUFFIX,
@@ -22,10 +23,9 @@ from tactsim.bench.leaderboard.bundle import (
 from tactsim.bench.leaderboard.ranking import Ranking, ranked
 from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
-from tactsim.bench.runs import pooled
 from tactsim.bench.runs.paper import PRINTED, Printed
-from tactsim.bench.runs.pooled import Figure, Pooled, figure_of, parts_of
-from tactsim.bench.score import CURVES, HEADLINES, Scored, recognition_seconds
+from tactsim.bench.runs.pooled import Pooled, figure_of
+from tactsim.bench.score import recognition_seconds
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, draw_true_pose, generator
 from tactsim.core import InputError, Pad
@@ -78,12 +78,7 @@ class Entrant:
 
         Raises InputError for an unknown one, and for a reading that the trials do not have.
         """
-        metric, _, at = name.partition("@")
-        of_runs = CURVES | HEADLINES
-        if metric not in of_runs or parts_of(name)[0] in (*pooled.CURVES, *pooled.READINGS):
-            return figure_of(self.pooled, name)
-        found = of_runs[metric].compute(Scored(self.pooled.trials, self.bundle.runs[0].objects))
-        return Figure(found[int(at) - 1] if at else found, None, None)
+        return figure_of(self.pooled, name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import perform
+from tactsim.bench.intervals import wilson
 from tactsim.bench.pad.fitted_world import clipped, fitted_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
-from tactsim.bench.score import wilson
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked

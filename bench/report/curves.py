@@ -23,7 +23,7 @@ _WHO = ("protocol", "task", "run", "folder", "seed", "estimator", "budget")
 COLUMNS: dict[str, Sequence[str]] = {
     "readings": (
         *_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_low_mm", "error_high_mm",
-        "error_all_mm", "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "error_over_bound",
+        "error_all_mm", "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "efficiency",
     ),
     "reliability": (*_WHO, "probability", "right", "estimates"),
     "pareto": (

@@ -16,8 +16,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
+from tactsim.bench.intervals import Z_95
 from tactsim.bench.results import Run
-from tactsim.bench.score import Z_95, error_limits
+from tactsim.bench.score import error_limits
 from tactsim.core import InputError
 from tactsim.core.errors import counted
 from tactsim.models import Letter

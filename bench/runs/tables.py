@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from tactsim.bench.columns import csv_text
-from tactsim.bench.runs.pooled import HEADINGS, Pooled, cell, figure_of, parts_of
+from tactsim.bench.runs.pooled import Pooled, cell, figure_of, metric_of
 from tactsim.core.errors import counted
 
 Rows = Sequence[Sequence[str]]
@@ -24,7 +24,7 @@ _LATEX |= {character: f"\\{character}" for character in "&%$#_{}"}
 def usual_figures(pools: Sequence[Pooled]) -> list[str]:
     """Choose the figures of a table that nobody asked for others: right after 1 and 5, and the error at the end."""
     last = min(one.readings for one in pools)
-    return [*dict.fromkeys(f"right@{min(k, last)}" for k in (1, 5)), "settled_95", f"error@{last}"]
+    return [*dict.fromkeys(f"accuracy@{min(k, last)}" for k in (1, 5)), "settled_95", f"error_mm@{last}"]
 
 
 def plain_rows(
@@ -47,9 +47,9 @@ def plain_rows(
 
 
 def heading(figure: str) -> str:
-    """Say in words what a figure such as right@5 is."""
-    name, at = parts_of(figure)
-    return HEADINGS.get(name, name).format(at.replace(",", ", "))
+    """Say in words what a figure such as accuracy@5 is."""
+    name, _, at = figure.partition("@")
+    return (metric_of(name).heading or f"{name} after {{}}").format(at.replace(",", ", "))
 
 
 def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:

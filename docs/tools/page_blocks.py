@@ -2,7 +2,7 @@
 
 The first says what is asked for:
 
-    <!-- table: SWEEP; right@5 -->
+    <!-- table: SWEEP; accuracy@5 -->
     <!-- end of table -->
 """
 

@@ -2,7 +2,7 @@
 
 A page says itself which table it wants, between two comments. The first names the sweep and the figures:
 
-    <!-- table: SWEEP; right@5; settled_95; error@20 -->
+    <!-- table: SWEEP; accuracy@5; settled_95; error_mm@20 -->
     <!-- end of table -->
 
 The sweep is a folder in results/sweeps, and its runs are pooled over their seeds, of which there are five at least.

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from policies import InformationPolicy, LearnedPolicy, Policy, RandomPolicy
 
-from tactsim.bench.runs.pooled import Figure, mean, share
+from tactsim.bench.intervals import Figure, mean, share
 from tactsim.bench.tasks import task as read_task
 from tactsim.core.poses import FloatArray
 from tactsim.env import Reward, TouchEnv

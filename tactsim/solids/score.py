@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.bench.score import FEWEST_PAIRS, Curve, Metric, Scored, errors, mean_where, nones
+from tactsim.bench.intervals import FEWEST_PAIRS
+from tactsim.bench.score import Curve, Metric, Scored, errors, mean_where, nones
 from tactsim.bench.trials import Trials
 from tactsim.core.poses import FloatArray
 

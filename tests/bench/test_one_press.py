@@ -8,7 +8,7 @@ from test_trials import Witness
 
 import tactsim
 from tactsim.bench.placement import properties
-from tactsim.bench.runs.pooled import pool
+from tactsim.bench.runs.pooled import figure_of, pool
 from tactsim.bench.trials import OneTrial, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators import Estimate, Options
@@ -94,7 +94,7 @@ def test_runs_with_unknown_poses_are_pooled_without_a_placement_error():
         tactsim.run(scan=windows(), estimator="nearest", trials=2, readings=3, seed=seed) for seed in (0, 1)
     ]
     (pooled,) = pool(runs)
-    assert pooled.mean(pooled.errors[:, -1], pooled.trials.named[:, -1]).value is None
+    assert figure_of(pooled, f"error_mm@{pooled.readings}").value is None
 
 
 def test_all_trials_take_every_press_with_enough_readings_once():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.runs.pooled import Figure, Pooled, cell, figure_of, in_digits, pool, resampled, share
-from tactsim.bench.score import wilson
+from tactsim.bench.intervals import Figure, mean, resampled, share, wilson
+from tactsim.bench.runs.pooled import cell, figure_of, in_digits, pool
 from tactsim.core import InputError
 
 
@@ -64,14 +64,14 @@ def test_a_draw_is_of_whole_runs_and_of_trials_in_them():
 def test_figures_are_those_of_all_trials():
     runs = [of_labels([[1, 1, 1], [0, 1, 1]], 0), of_labels([[0, 0, 1], [0, 1, 0]], 1)]
     (one,) = pool(runs)
-    assert one.mean(one.trials.right[:, 1]).value == 0.75
-    assert one.settled(0.5).value == 2
-    assert one.settled(0.95).value is None
-    assert one.settled(0.5).low == 1  # where the first run is drawn twice
+    assert figure_of(one, "accuracy@2").value == 0.75
+    assert figure_of(one, "settled_50").value == 2
+    assert figure_of(one, "settled_95").value is None
+    assert figure_of(one, "settled_50").low == 1  # where the first run is drawn twice
     # 2 in the first run alone, never in the second.
-    assert dataclasses.astuple(one.all_right_from()) == (None, 2, None)
+    assert dataclasses.astuple(figure_of(one, "all_right_from")) == (None, 2, None)
     assert cell(one, "settled_95") == "later (2-later)"
-    assert cell(one, "right@2").startswith("0.750 (")
+    assert cell(one, "accuracy@2").startswith("0.750 (")
     assert in_digits(Figure(0.051, 0.0482, 0.0549), 2) == [
         "0.051",
         "0.048",
@@ -82,16 +82,16 @@ def test_figures_are_those_of_all_trials():
     assert in_digits(Figure(0.0, 1e-6, 2e-6), 2) == ["0.000000", "0.000001", "0.000002"]
     assert in_digits(Figure(-4e-17, -1 / 3, 2e-17), 3) == ["0.000", "-0.333", "0.000"]  # no -0.000
     assert in_digits(Figure(-4e-17, -1e-17, 2e-17), 3) == ["0.000"] * 3
-    none = one.mean(one.trials.right[:, 0], of=np.zeros(4, dtype=bool))
+    none = mean(one.trials.right[:, 0], (2, 2), of=np.zeros(4, dtype=bool))
     assert dataclasses.astuple(none) == (None, None, None)
 
 
 def test_a_single_trial_has_no_interval_and_its_share_wilsons():
     (one,) = pool([of_labels([[1], [0], [0]])])
-    error = figure_of(one, "error@1")
+    error = figure_of(one, "error_mm@1")
     assert error.value == pytest.approx(one.run.error_mm[0])
     assert (error.low, error.high) == (None, None)  # all draws of one trial are that trial
-    assert cell(one, "error@1") == f"{error.value:.2f}"
+    assert cell(one, "error_mm@1") == f"{error.value:.2f}"
     held = figure_of(one, "coverage_90@1")
     assert (held.low, held.high) == pytest.approx([float(end) for end in wilson(held.value, 1)])
 
@@ -99,9 +99,9 @@ def test_a_single_trial_has_no_interval_and_its_share_wilsons():
 def test_errors_that_nobody_knows_of_trials_that_do_not_count_leave_the_mean_as_it_is():
     (one,) = pool([of_labels([[1], [1], [0], [0]])])
     values = np.array([1.0, 3.0, np.nan, np.nan])
-    found = one.mean(values, of=one.trials.right[:, 0])
+    found = mean(values, (4,), of=one.trials.right[:, 0])
     assert (found.value, found.low, found.high) == (2, 1, 3)
-    assert dataclasses.astuple(one.mean(values)) == (None, None, None)
+    assert dataclasses.astuple(mean(values, (4,))) == (None, None, None)
 
 
 def test_a_bound_is_stated_from_the_reading_on_at_which_nine_trials_of_ten_are_determined():
@@ -109,7 +109,7 @@ def test_a_bound_is_stated_from_the_reading_on_at_which_nine_trials_of_ten_are_d
     bounds[:2, 0] = bounds[0, 1] = 3.0  # mm, the prior's
     run = dataclasses.replace(of_labels(np.ones((10, 3), dtype=bool)), bounds=bounds)
     (one,) = pool([run])
-    for name, curve in (("bound", run.bound_mm), ("efficiency", run.efficiency)):
+    for name, curve in (("bound_mm", run.bound_mm), ("efficiency", run.efficiency)):
         found = [figure_of(one, f"{name}@{reading}").value for reading in (1, 2, 3)]
         assert found[0] is None
         assert np.isnan(curve[0])
@@ -139,11 +139,10 @@ def test_intervals_hold_the_truth_about_as_often_as_the_documentation_says(sprea
     # Five scans whose accuracy is 0.8, and differs by `spread` between scans (sd); 50 trials each. The intervals hold
     # 0.8 in 0.986 and 0.919 of 1,500 simulations by other code; the bounds are three standard errors of 120 below that.
     rng = np.random.default_rng(2)
-    pooled = Pooled("made up", None, "", "", tuple(of_labels(np.zeros((50, 1)), seed) for seed in range(5)))
     held = 0
     for _ in range(120):
         shares = np.clip(0.8 + spread * rng.normal(size=5), 0, 1)
         right = rng.random((5, 50)) < shares[:, None]
-        figure = pooled.mean(right.reshape(-1))
+        figure = mean(right.reshape(-1), (50,) * 5)
         held += figure.low <= 0.8 <= figure.high
     assert at_least <= held / 120

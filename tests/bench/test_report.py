@@ -272,7 +272,7 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
     (run,) = task["runs"]
     assert (run["scans"], run["trials"]) == (3, 12)
     (one,) = pool(results.load(seed) for seed in seeds)
-    for name, figure in (("accuracy", "right@5"), ("error", "error@5")):
+    for name, figure in (("accuracy", "accuracy@5"), ("error", "error_mm@5")):
         found = figure_of(one, figure)
         shown = [run[f"{name}{end}"][4] for end in ("", "Low", "High")]
         assert shown == pytest.approx([found.value, found.low, found.high], rel=1e-5)

@@ -8,9 +8,9 @@ from command_line import refused
 from made_up import make_run
 from test_pooled import of_labels, with_seed
 
+from tactsim.bench.intervals import wilson
 from tactsim.bench.runs.pooled import pool
 from tactsim.bench.runs.tables import csv_table, latex_table, made_of, plain_rows, usual_figures
-from tactsim.bench.score import wilson
 
 
 def pools():
@@ -18,8 +18,8 @@ def pools():
 
 
 def test_figures_nobody_asked_for_are_those_that_every_run_has():
-    assert usual_figures(pools()) == ["right@1", "right@5", "settled_95", "error@6"]
-    assert usual_figures(pool([make_run(r=1)])) == ["right@1", "settled_95", "error@1"]
+    assert usual_figures(pools()) == ["accuracy@1", "accuracy@5", "settled_95", "error_mm@6"]
+    assert usual_figures(pool([make_run(r=1)])) == ["accuracy@1", "settled_95", "error_mm@1"]
 
 
 def test_all_formats_say_the_same():
@@ -30,7 +30,7 @@ def test_all_formats_say_the_same():
     (found,) = csv.DictReader(io.StringIO(csv_table(made, figures)))
     assert found["seeds"] == "0 1 2"
     assert (found["estimator"], found["budget"], found["budget_option"]) == ("histogram", "10000", "bins")
-    for figure, cell in zip(("right@1", "error@6"), (row[1], row[4]), strict=True):
+    for figure, cell in zip(("accuracy@1", "error_mm@6"), (row[1], row[4]), strict=True):
         value, low, high = (float(found[f"{figure}{end}"]) for end in ("", "_low", "_high"))
         digits = len(cell.split(" ")[0].split(".")[1])
         assert cell == f"{value:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
@@ -39,9 +39,9 @@ def test_all_formats_say_the_same():
 def test_one_scan_has_the_interval_that_a_run_prints():
     (one,) = pool([of_labels([[1], [1], [1], [0]])])
     low, high = wilson(3, 4)
-    (found,) = csv.DictReader(io.StringIO(csv_table([one], ["right@1"])))
-    assert float(found["right@1_low"]) == pytest.approx(float(low))
-    assert float(found["right@1_high"]) == pytest.approx(float(high))
+    (found,) = csv.DictReader(io.StringIO(csv_table([one], ["accuracy@1"])))
+    assert float(found["accuracy@1_low"]) == pytest.approx(float(low))
+    assert float(found["accuracy@1_high"]) == pytest.approx(float(high))
     assert made_of([one]).endswith("over trials of one scan")
     one.run.about["description"] = "25 x 25 x 15 = 9,375 bins a letter"
     assert made_of([one]).endswith("over trials of one scan; 10,000 bins: 9,375 in equal steps")
@@ -63,7 +63,8 @@ def test_latex_escapes_what_means_something_to_it_and_sets_intervals():
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--figure", "rigth@5"], "unknown figure 'rigth@5': did you mean 'right@5'?"),
+        (["--figure", "right@2"], "the figure right is now called accuracy"),
+        (["--figure", "acuracy@2"], "unknown figure 'acuracy': did you mean 'accuracy'?"),
         (["--to", "tex"], "'--to': unknown word 'tex': did you mean 'latex'?"),
     ],
 )
@@ -72,7 +73,7 @@ def test_a_word_that_is_nearly_right_is_named(runs, here, words, says):
 
 
 def test_the_verb_prints_the_table_of_the_folders_it_is_given(here, runs):
-    printed = here("table", runs.small, runs.large, "--to", "latex", "--figure", "right@3")
+    printed = here("table", runs.small, runs.large, "--to", "latex", "--figure", "accuracy@3")
     assert printed.returncode == 0
     assert printed.stdout.count(r"\\") == 3
     assert "1 scan, " in printed.stderr

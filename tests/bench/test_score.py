@@ -7,12 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tactsim.bench.intervals import wilson
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import (
+    Scored,
     settled_at,
     settled_by,
     summarise,
-    wilson,
 )
 from tactsim.bench.trials import Trials
 from tactsim.core import compose, invert
@@ -63,7 +64,7 @@ def test_settling_is_what_a_plain_loop_finds(right):
 
 def test_the_summary_of_a_small_run_by_hand():
     trials = make_trials([["A", "A"], ["E", "A"], ["E", "E"]], pose_error=2.0)
-    summary = summarise(trials, {"A": PLAIN})
+    summary = summarise(Scored(trials, {"A": PLAIN}))
     assert summary["accuracy"] == pytest.approx([1 / 3, 2 / 3])
     assert summary["error_mm"] == pytest.approx([2.0, 2.0])
     assert summary["error_all_mm"] == pytest.approx([2.0, 2.0])
@@ -75,22 +76,22 @@ def test_the_summary_of_a_small_run_by_hand():
 
 
 def test_the_error_of_no_right_letter_is_none_and_not_a_number():
-    summary = summarise(make_trials([["E", "A"]]), {"A": PLAIN})
+    summary = summarise(Scored(make_trials([["E", "A"]]), {"A": PLAIN}))
     assert summary["error_mm"] == [None, pytest.approx(0, abs=1e-9)]
 
 
 def test_held_out_letters_have_refusals_and_no_placement():
     labels = [["A", "none"], ["none", "A"], ["A", "none"], ["none", "none"]]
     trials = replace(make_trials(labels, pose_error=2.0), known=np.array([True, True, False, False]))
-    summary = summarise(trials, {"A": PLAIN})
+    summary = summarise(Scored(trials, {"A": PLAIN}))
     assert summary["accuracy"] == pytest.approx([0.5, 0.75])
     assert summary["refused_known"] == pytest.approx([0.5, 0.5])
     assert summary["refused_unknown"] == pytest.approx([0.5, 1.0])
     assert summary["error_mm"] == pytest.approx([2.0, 2.0])
     moved = replace(trials, pose=trials.pose + np.where(trials.known, 0, 50)[:, None, None])
     for name in ("error_mm", "error_all_mm", "error_standard_error_mm"):
-        assert summarise(moved, {"A": PLAIN})[name] == summary[name]
-    assert summarise(make_trials(labels), {"A": PLAIN})["refused_unknown"] == [None, None]
+        assert summarise(Scored(moved, {"A": PLAIN}))[name] == summary[name]
+    assert summarise(Scored(make_trials(labels), {"A": PLAIN}))["refused_unknown"] == [None, None]
 
 
 def test_coverage_counts_right_letters_of_estimators_that_say_how_sure_they_are():
@@ -99,10 +100,10 @@ def test_coverage_counts_right_letters_of_estimators_that_say_how_sure_they_are(
         credibility=np.array([[0.4, 0.95], [0.7, np.nan], [0.1, 0.2]]),
         radius_90=np.array([[1.0, 2.0], [3.0, np.nan], [99.0, 4.0]]),
     )
-    summary = summarise(trials, {"A": PLAIN})
+    summary = summarise(Scored(trials, {"A": PLAIN}))
     assert summary["coverage_50"] == pytest.approx([0.5, 0.5])
     assert summary["coverage_90"] == pytest.approx([1.0, 0.5])
     assert summary["sharpness_mm"] == pytest.approx([2.0, 3.0])
     silent = replace(trials, credibility=trials.credibility * np.nan, radius_90=trials.radius_90 * np.nan)
-    assert summarise(silent, {"A": PLAIN})["coverage_90"] == [None, None]
-    assert summarise(silent, {"A": PLAIN})["sharpness_mm"] == [None, None]
+    assert summarise(Scored(silent, {"A": PLAIN}))["coverage_90"] == [None, None]
+    assert summarise(Scored(silent, {"A": PLAIN}))["sharpness_mm"] == [None, None]

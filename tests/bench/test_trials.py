@@ -6,8 +6,8 @@ import pytest
 import tactsim
 from tactsim.bench.config import Slip, run_config
 from tactsim.bench.experiment import gather, silent
+from tactsim.bench.intervals import wilson
 from tactsim.bench.placement import Properties
-from tactsim.bench.score import wilson
 from tactsim.bench.trials import (
     OneTrial,
     TrialPlan,

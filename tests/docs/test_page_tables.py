@@ -29,7 +29,7 @@ estimator = "nearest"
 
 PAGE = """Words before.
 
-<!-- table: s; right@1; error@3; all_right_from -->
+<!-- table: s; accuracy@1; error_mm@3; all_right_from -->
 what stood here
 <!-- end of table -->
 

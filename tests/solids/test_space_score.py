@@ -32,7 +32,7 @@ def test_errors_are_mean_distances_of_surface_points_and_angles(run):
 def test_a_run_that_is_never_right_has_no_error(run):
     trials = make_space_trials(6, 3)
     trials.label[:] = np.where(trials.truth == "wedge", "block", "wedge")[:, None]
-    summary = summarise(trials, run.objects)
+    summary = summarise(Scored(trials, run.objects))
     assert summary["error_mm"] == summary["angle_deg"] == summary["error_low_mm"] == [None] * 3
     assert summary["accuracy"] == [0.0] * 3
     assert summary["settled_95"] is None

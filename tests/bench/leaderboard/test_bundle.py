@@ -17,7 +17,7 @@ from made_up import make_run
 
 from tactsim.bench.leaderboard.bundle import kept, read_bundle, rounded, write_bundle
 from tactsim.bench.results import load
-from tactsim.bench.score import summarise
+from tactsim.bench.score import Scored, summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 
@@ -74,7 +74,7 @@ def test_an_estimator_that_does_not_say_how_sure_it_is_and_known_bounds_travel_t
 
 def test_rounding_changes_no_figure_that_a_table_shows():
     run = make_run(r=12)
-    exact, small = summarise(run.trials, run.objects), summarise(rounded(run.trials), run.objects)
+    exact, small = (summarise(Scored(of, run.objects)) for of in (run.trials, rounded(run.trials)))
     for name in ("accuracy", "coverage_50", "coverage_90", "confusion", "settled_95", "all_right_from"):
         assert small[name] == exact[name], name
     assert small["error_all_mm"] == pytest.approx(exact["error_all_mm"], abs=0.005)

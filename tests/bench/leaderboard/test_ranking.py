@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from tactsim.bench.intervals import resampled
 from tactsim.bench.leaderboard.ranking import compare_accuracies, compare_errors, holm, ranks
-from tactsim.bench.runs.pooled import resampled
 
 
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 20))

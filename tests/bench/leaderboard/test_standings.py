@@ -10,6 +10,7 @@ from bundles import make_bundle
 from command_line import refused
 from entered import entered, record_of
 
+from tactsim.bench.intervals import wilson
 from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.ranking import rank_words
@@ -18,7 +19,6 @@ from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
 from tactsim.bench.plane import Plane
 from tactsim.bench.results import save
 from tactsim.bench.runs.pooled import cell
-from tactsim.bench.score import wilson
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import OneTrial, generator
 from tactsim.core import Pad, Scan
@@ -228,9 +228,9 @@ def test_runs_on_the_same_trials_are_ranked_by_bench_table_as_bundles_are(made, 
             )
     (of,) = folder_of(tmp_path, {name: made[name] for name in ("best", "twin", "worst")}).standings
     folders = [str(path) for path in sorted(tmp_path.iterdir()) if path.is_dir()]
-    done = here("table", *folders, "--rank", "error_all@10", "--figure", "error_all@10")
+    done = here("table", *folders, "--rank", "error_all_mm@10", "--figure", "error_all_mm@10")
     assert done.returncode == 0, done.stderr
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines()[2:]]
     assert [row[0] for row in rows] == [rank_words(one.rank) for one in of.ranked]
     assert [row[-1].split()[0] for row in rows] == [cell(one.pooled, of.by).split()[0] for one in of.ranked]
-    refused(here("table", *folders, "--rank", "settled_95"), "ranked by right@N")
+    refused(here("table", *folders, "--rank", "settled_95"), "ranked by accuracy@N")
