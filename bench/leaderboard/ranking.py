@@ -142,9 +142,9 @@ class Ranking:
 def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Ranking:
     """Rank pools of runs by a figure such as error_mm@20; what is the same by it stands in the order of the other one.
 
-    by, other: one an accuracy (accuracy@N), the other an error (error_mm@N, error_all_mm@N), `other` by default accuracy@5 or
-    the error over all trials at the end. Raises InputError for another figure, and for pools that do not have the same
-    trials.
+    by, other: one an accuracy (accuracy@N), the other an error (error_mm@N, error_all_mm@N), `other` by default
+    accuracy@5 or the error over all trials at the end. Raises InputError for another figure, and for pools that do not
+    have the same trials.
     """
     last = min(one.readings for one in pools)
     kinds = {"accuracy": 0, "error_mm": 1, "error_all_mm": 1}

@@ -66,7 +66,8 @@ def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[st
     bound = _cell(one, f"efficiency@{of.readings}").partition(" ")[0]
     assert one.rank is not None
     return [
-        rank_words(one.rank), _escaped(one.label), _cell(one, of.by), _cell(one, f"accuracy@{','.join(map(str, seen))}"),
+        rank_words(one.rank), _escaped(one.label), _cell(one, of.by),
+        _cell(one, f"accuracy@{','.join(map(str, seen))}"),
         _cell(one, last), bound, f"{one.ms_per_reading:.3g}", again,
     ]  # fmt: skip
 
