@@ -42,6 +42,7 @@ OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART, "examples/hand/hand.
 
 # What is not run, and why; each has the same reason in a comment on its page.
 NOT_RUN = {
+    ("docs/environment.md", "it needs the folder of the examples"),
     ("docs/attach.md", "your robot is not here"),
     ("docs/data.md", "it downloads"),
     (
