@@ -328,6 +328,13 @@ class RunConfig(ScanWords):
         description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
         "proposed by the estimator (information) or in random order (blind).",
     )
+    stop_at: float | None = Field(
+        None,
+        gt=0,
+        le=1,
+        description="End a trial as soon as the most probable letter has this probability, e.g. 0.95. Default: all "
+        "touches are taken.",
+    )
     slip: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
         {},
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
@@ -418,6 +425,11 @@ class RunConfig(ScanWords):
         return checked(Slip, merged(stated, self.slip), "slip")
 
     @property
+    def measured(self) -> bool:
+        """Tell whether the readings were measured on a pad for these trials."""
+        return self.presses is not None
+
+    @property
     def each_held_out(self) -> bool:
         """Tell whether each letter is held out in its own trials."""
         return self.hold_out == (EACH,)
@@ -432,9 +444,7 @@ class RunConfig(ScanWords):
     def source(self) -> str:
         """Name the readings: runs with the same source share them."""
         pressed = self.scan_options.model_dump(mode="json") if self.pressed else None
-        words = self.model_dump(
-            mode="json", include={"scan", "train_scan", "presses", "given", "letters", "hold_out"}
-        )
+        words = self.model_dump(mode="json", include=_OF_SOURCE)
         # Which presses are left out may depend on the seed.
         left_out = [self.seed] if str(self.scan).startswith(RECORDING) else []
         if self.train_presses is not None:
@@ -444,12 +454,21 @@ class RunConfig(ScanWords):
 
     @property
     def digest(self) -> str:
-        """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them."""
-        rest = self.model_dump(mode="json", include={"estimator", "trials", "readings", "explore", "seed"})
-        moves = [] if self.moving.still else [self.moving.model_dump(mode="json")]
-        asked = ["bound"] if self.bound else []
-        content = json.dumps([self.source, self.options, rest, *moves, *asked], sort_keys=True, default=str)
+        """Hash what the run is asked to do; equal values have one digest, whatever world's file or task says them.
+
+        Every field counts: by what it resolves to, or as it is.
+        """
+        rest = self.model_dump(mode="json", exclude=_RESOLVED)
+        resolved = [self.source, self.options, self.moving.model_dump(mode="json")]
+        content = json.dumps([*resolved, rest], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
+
+
+_OF_SOURCE = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+# What `RunConfig.digest` takes from `source`, `options` and `moving`; a task says other fields.
+_RESOLVED = {
+    *_OF_SOURCE, *ScanWords.model_fields, "train_presses", "set", "bins", "particles", "slip", "task",
+} - {"seed"}  # fmt: skip
 
 
 def chosen_letters(config: RunConfig, labels: Sequence[str]) -> tuple[str, ...]:

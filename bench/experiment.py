@@ -188,10 +188,10 @@ def finished_run(
         "seconds": {
             "scan": gathered.seconds,
             **(seconds or {}),
-            "update_per_reading": float(trials.update_s.mean()),
-            "update_p99": float(np.quantile(trials.update_s, 0.99)),
-            "estimate_per_reading": float(trials.estimate_s.mean()),
-            "propose_per_reading": float(trials.propose_s.mean()),
+            "update_per_reading": float(trials.update_s[trials.taken].mean()),
+            "update_p99": float(np.quantile(trials.update_s[trials.taken], 0.99)),
+            "estimate_per_reading": float(trials.estimate_s[trials.taken].mean()),
+            "propose_per_reading": float(trials.propose_s[trials.taken].mean()),
         },
     }
     return Run(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -23,6 +23,7 @@ from tactsim.bench.trials import (
     Press,
     Progress,
     TrialPlan,
+    TrialRules,
     Trials,
     check_count,
     check_labels,
@@ -50,7 +51,18 @@ if TYPE_CHECKING:
 
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 # Options of a run that say nothing of the data it asks about.
-_OF_ANY_DATA = {"estimator", "bins", "particles", "set", "trials", "readings", "seed", "explore", "bound"}
+_OF_ANY_DATA = {
+    "estimator",
+    "bins",
+    "particles",
+    "set",
+    "trials",
+    "readings",
+    "seed",
+    "explore",
+    "stop_at",
+    "bound",
+}
 
 
 class _Config(AnyConfig):
@@ -83,10 +95,10 @@ class Plane(Kind):
         *(f"{before}{name}" for before in ("", "true_") for name in POSE),
         "credibility", "radius_90", "evaluations",
     )  # fmt: skip
-    asked = ("readings", "hold_out")
+    asked = ("slip", "hold_out")
     of_trials = (
-        "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "hold_out", "scan",
-        "train_scan", "presses",
+        "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "stop_at", "hold_out",
+        "scan", "train_scan", "presses",
     )  # fmt: skip
     errors: ClassVar = {"error mm @{}, both right": lambda scored: scored.error}
 
@@ -195,21 +207,8 @@ class Plane(Kind):
             from tactsim.bench.on_demand import OnDemand  # brings MuJoCo, which most runs need not
 
             press = OnDemand(config.scan_options)
-        return TrialPlan(
-            config.estimator,
-            config.options,
-            scan,
-            config.readings,
-            config.seed,
-            config.explore,
-            config.moving,
-            press,
-            forward_model,
-            given,
-            config.each_held_out,
-            config.presses is not None,
-            objects,
-        )
+        rules = TrialRules.of(config, press)
+        return TrialPlan(config.estimator, config.options, scan, rules, forward_model, given, objects)
 
     def hide(self, scan: Scan, rng: np.random.Generator) -> FloatArray:
         """Draw robot_in_object (3,); see `trials.draw_true_pose`."""
@@ -410,7 +409,15 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
     if config.each_held_out:
         held_out = ", each letter held out in turn"
-    return f"{where}, {order}{held_out}"
+    # What was said above, and what runs of one table may differ in. Every other rule makes another protocol.
+    said = {"readings", "seed", "explore", "moving", "press", "measured", "each_held_out"}
+    rules = TrialRules.of(config, None)
+    more = [
+        f", {rule.name.replace('_', ' ')} {getattr(rules, rule.name)}"
+        for rule in fields(TrialRules)
+        if rule.name not in said and getattr(rules, rule.name) != rule.default
+    ]
+    return f"{where}, {order}{held_out}{''.join(more)}"
 
 
 def _error_of_default() -> str:

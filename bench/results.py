@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from tactsim.bench import columns, kinds
 from tactsim.bench.kinds import PLANE, Kind
 from tactsim.bench.score import CURVES, HEADLINES, Scored, summarise
-from tactsim.bench.trials import TrialPlan, Trials
+from tactsim.bench.trials import TrialPlan, TrialRules, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_json
@@ -103,13 +103,25 @@ class Run:
     @property
     def badly_explained(self) -> str | None:
         """Say it if many of the readings were explained worse than those of training; None if few were."""
-        share = self.work.get("badly_explained", 0) / self.trials.label.size
+        share = self.work.get("badly_explained", 0) / self.trials.taken.sum()
         return f"{share:.0%} of the readings are {BADLY_EXPLAINED}" if share > _OFTEN else None
+
+    @property
+    def ended(self) -> str | None:
+        """Say after how many touches trials ended, and how often they were right then; None if all took all."""
+        stop_at = self.config.get("stop_at")
+        if stop_at is None:
+            return None
+        touches, right = self.summary["touches"], self.summary["accuracy"][-1]
+        return (
+            f"a trial ended when the most probable {self.kind.thing} had p of {stop_at:g} or more: after {touches:.1f} "
+            f"touches on average, {right:.2f} right then; later figures repeat its last answer"
+        )
 
     @property
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
-        lines = [] if self.badly_explained is None else [self.badly_explained]
+        lines = [line for line in (self.ended, self.badly_explained) if line is not None]
         return lines + self.kind.cautions(self)
 
     @property
@@ -178,7 +190,8 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         """Put the run into one flat object, as `bench run --json` prints it."""
-        asked = ("estimator", "trials", "seed", "explore", *self.kind.asked)
+        rules = (rule.name for rule in fields(TrialRules) if rule.name in self.config)
+        asked = ("estimator", "trials", *rules, *self.kind.asked)
         found = ("options", "description", "protocol", "versions", "machine")
         return {
             **self.summary,

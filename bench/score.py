@@ -450,12 +450,21 @@ CURVES: dict[str, Metric] = {
         "Mean number of likelihood evaluations of the update at each reading.",
         lambda scored: scored.trials.evaluations,
         "likelihood evaluations of reading {}",
+        lambda scored: scored.trials.taken,
         digits=1,
         better=-1,
     ),
 }
 # One number or table a run.
 HEADLINES: dict[str, Metric] = {
+    "touches": Metric(
+        "Mean number of touches that a trial took: fewer than it may where it ends as soon as it is sure (`stop_at`).",
+        lambda scored: float(scored.trials.touches.mean()),
+        lambda scored, _: mean(scored.trials.touches, scored.sizes),
+        "touches taken",
+        digits=1,
+        better=-1,
+    ),
     "all_right_from": Metric(
         "Find the reading from which every trial is and stays right.",
         lambda scored: settled_by(scored.trials.right, 1.0),

@@ -155,15 +155,51 @@ class OneTrial:
     trial: int
 
 
+def sure_enough(p_label: FloatArray | float, stop_at: float) -> NDArray[np.bool_]:
+    """Tell where a recognition may end: where the most probable label has at least the probability `stop_at`."""
+    return np.asarray(p_label) >= stop_at
+
+
+@dataclass(frozen=True)
+class TrialRules:
+    """The rules of a trial, made once from a run's configuration and handed on whole.
+
+    readings: touches at most. seed: of all trials. explore: in which order touches come. moving: how the object moves
+    between them. press: what presses on demand; None if the readings are those of the scan. measured: whether those
+    were measured for the trials, for each letter those of its first trial, then the next. each_held_out: whether the
+    letter of a trial is left out of what the estimator knows. stop_at: the probability of the most probable label at
+    which a trial ends before it has all its touches; None if it does not.
+    """
+
+    readings: int
+    seed: int
+    explore: Explore = "random"
+    moving: Slip = STILL
+    press: Press | None = None
+    measured: bool = False
+    each_held_out: bool = False
+    stop_at: float | None = None
+
+    @classmethod
+    def of(cls, config: Any, press: Press | None) -> TrialRules:
+        """Take from a run's configuration all rules that it states, each under the rule's own name."""
+        stated = {one.name: getattr(config, one.name) for one in fields(cls) if hasattr(config, one.name)}
+        return cls(**stated, press=press)
+
+
+NOT_TAKEN = -2  # what `Trials.reading` says of touches that an ended trial did not take
+
+
 @dataclass(frozen=True, eq=False)
 class Trials:
     """What was estimated after every reading of n trials of r readings: the raw result of a run.
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
     label. trial: (n,) number within the letter. true_pose: (n, r, 3 or 7) robot_in_object at each touch.
-    reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken. label: (n, r) the
-    estimate (eq. 9, 14). p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose:
-    (n, r, 3 or 7) estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
+    reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken, and NOT_TAKEN after the
+    trial had ended, from where on all else repeats what was answered last. label: (n, r) the estimate (eq. 9, 14).
+    p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose: (n, r, 3 or 7)
+    estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
     `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time. kind: of the run (`tactsim.bench.kinds`).
     """
@@ -184,6 +220,16 @@ class Trials:
     update_s: FloatArray
     estimate_s: FloatArray
     propose_s: FloatArray
+
+    @property
+    def taken(self) -> NDArray[np.bool_]:
+        """Tell for (n, r) whether that touch was taken: means of costs count no other."""
+        return self.reading != NOT_TAKEN
+
+    @property
+    def touches(self) -> NDArray[np.int64]:
+        """Count the touches that each trial took (n,)."""
+        return self.taken.sum(axis=1)
 
     @property
     def answer(self) -> NDArray[np.str_]:
@@ -286,29 +332,36 @@ class _UnderWay:
     """A trial that is under way: where the object is at each touch, which touches were taken, what was answered."""
 
     def __init__(
-        self, test: Scan, task: OneTrial, *, letters: Sequence[str], readings: int, seed: int, of: Placement,
-        explore: Explore, press: Press | None, slip: Slip,
-    ) -> None:  # fmt: skip
+        self, test: Scan, task: OneTrial, rules: TrialRules, *, letters: Sequence[str], of: Placement
+    ) -> None:
         """Hide the object; see `run_trial`."""
-        rng = generator(seed, task, 0)
+        rng, press, readings = generator(rules.seed, task, 0), rules.press, rules.readings
         self._kind = kinds.load(test.kind)
         first = self._kind.hide(test, rng)
         self._touches = (
-            RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, seed)
+            RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, rules.seed)
         )
-        if explore != "information":
+        if rules.explore != "information":
             self._touches.shuffle(rng)
         self._true_pose = np.tile(first, (readings, 1))
-        if not slip.still:
-            self._true_pose = slip.poses(first, readings, generator(seed, task, 2))
-        self.readings = readings
+        if not rules.moving.still:
+            self._true_pose = rules.moving.poses(first, readings, generator(rules.seed, task, 2))
+        self.readings, self._stop_at = readings, rules.stop_at
         self._task, self._letters, self._of = task, letters, of
         self._taken: list[Touch] = []
         self._label: list[str] = []
         measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s", "propose_s")
         self._numbers = {name: np.zeros(readings) for name in measured}
-        self._evaluations = np.empty(readings, dtype=np.int64)
+        self._evaluations = np.zeros(readings, dtype=np.int64)
         self._pose = np.empty((readings, len(first)))
+
+    @property
+    def ended(self) -> bool:
+        """Tell whether all touches were answered, or the last answer was sure enough."""
+        k = len(self._label)
+        if k == self.readings or self._stop_at is None or not k:
+            return k == self.readings
+        return bool(sure_enough(self._numbers["p_label"][k - 1], self._stop_at))
 
     def touch(self, choose: Callable[[FloatArray], int] | None = None) -> Touch:
         """Take the next touch that gives a reading, or that `choose` names of sensor_in_robot (n, 3 or 7)."""
@@ -345,17 +398,22 @@ class _UnderWay:
         self._evaluations[k] = evaluations
 
     def finished(self) -> Trials:
-        """Give the trial, all of whose touches were taken and answered."""
-        task, taken = self._task, self._taken
+        """Give the trial; what came after it ended repeats the last answer and cost nothing."""
+        task, k, rest = self._task, len(self._label), self.readings - len(self._label)
+        taken = self._taken[:k]
+        for name in ("p_truth", "p_label", "credibility", "radius_90"):
+            self._numbers[name][k:] = self._numbers[name][k - 1]
+        self._pose[k:], self._true_pose[k:] = self._pose[k - 1], self._true_pose[k - 1]
         columns: dict[str, Any] = {
             "truth": np.array([task.truth]), "known": np.array([task.truth in self._letters]),
             "trial": np.array([task.trial]), "true_pose": self._true_pose[None],
-            "reading": np.array([[touch.number for touch in taken]]), "label": np.array([self._label]),
+            "reading": np.array([[touch.number for touch in taken] + [NOT_TAKEN] * rest]),
+            "label": np.array([self._label + self._label[-1:] * rest]),
             "pose": self._pose[None], "evaluations": self._evaluations[None],
             **{name: values[None] for name, values in self._numbers.items()},
         }  # fmt: skip
         for field in fields(self._kind.trials)[len(fields(Trials)) :]:
-            columns[field.name] = np.array([[touch.more[field.name] for touch in taken]])
+            columns[field.name] = np.array([[touch.more[field.name] for touch in taken + taken[-1:] * rest]])
         return self._kind.trials(**columns)
 
 
@@ -363,36 +421,30 @@ def run_trial(
     estimator: Estimator,
     test: Scan,
     task: OneTrial,
+    rules: TrialRules,
     *,
     letters: Sequence[str],
-    readings: int,
-    seed: int,
     of: Placement,
-    explore: Explore = "random",
-    press: Press | None = None,
-    slip: Slip = STILL,
     observe: Callable[[Estimate, Touch], None] | None = None,
 ) -> Trials:
-    """Recognise one hidden object: present `readings` readings of it, estimate after each.
+    """Recognise one hidden object: present readings of it by the rules, estimate after each.
 
     `test` holds the letter's test readings only; `letters` are those that the estimator was trained on; `of` are
     the letter's properties, for the metric of its placement.
     Touches come in random order without replacement, or, with explore="information", as the estimator proposes.
-    They are the test readings, or those of `press`. slip: how
-    the object moves between touches; the poses of test readings, candidates too, are those that go with the object's
-    pose at that touch. observe(estimate, touch) is called after each touch, and its time does not count. Times are
-    of this process's processor time, so that other programs on the machine do not count.
+    They are the test readings, or those of `rules.press`. Where the object moves between touches, the poses of test
+    readings, candidates too, are those that go with its pose at that touch. observe(estimate, touch) is called after
+    each touch, and its time does not count. Times are of this process's processor time, so that other programs on the
+    machine do not count.
 
     Raises InputError that names the estimator if its answer is not a valid estimate or proposal, and if the presses
     that are left do not come to rest.
     """
-    trial = _UnderWay(
-        test, task, letters=letters, readings=readings, seed=seed, of=of, explore=explore, press=press, slip=slip,
-    )  # fmt: skip
-    estimator.reset(generator(seed, task, 1))
+    trial = _UnderWay(test, task, rules, letters=letters, of=of)
+    estimator.reset(generator(rules.seed, task, 1))
     before = _evaluations(estimator)
-    choose = partial(proposed, estimator) if explore == "information" else None
-    for _ in range(readings):
+    choose = partial(proposed, estimator) if rules.explore == "information" else None
+    while not trial.ended:
         touch = trial.touch(choose)
         start = process_time()
         estimator.update(touch.reading, touch.sensor_in_robot)
@@ -422,7 +474,8 @@ def _run_together(estimator: Estimator, trials: Sequence[_UnderWay]) -> list[Tri
         )
     for trial, of_trial in zip(trials, estimates, strict=True):
         for estimate in of_trial:
-            trial.record(estimator, estimate, seconds, 0.0, evaluations)
+            if not trial.ended:
+                trial.record(estimator, estimate, seconds, 0.0, evaluations)
     return [trial.finished() for trial in trials]
 
 
@@ -466,27 +519,19 @@ TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
 
 @dataclass(frozen=True, eq=False)
 class TrialPlan:
-    """All that a worker needs to do trials: the estimator, the scan, and how many readings in which order.
+    """All that a worker needs to do trials: the estimator, the scan, and the rules.
 
-    press: what presses on demand; None if the readings are those of the scan. measured: whether those were measured for
-    the trials, for each letter those of its first trial, then the next. forward: what makes the forward model of a
-    scan, for an estimator that asks for one. given: an estimator made in Python, as it is or pickled for a worker; None
-    if `estimator` is a registered name. each_held_out: whether the letter of a trial is left out of what the estimator
-    knows. objects: what the error needs of each; by default what the scan says of them.
+    forward: what makes the forward model of a scan, for an estimator that asks for one. given: an estimator made in
+    Python, as it is or pickled for a worker; None if `estimator` is a registered name. objects: what the error needs of
+    each; by default what the scan says of them.
     """
 
     estimator: str
     options: Mapping[str, Any]
     scan: Scan
-    readings: int
-    seed: int
-    explore: Explore = "random"
-    slip: Slip = STILL
-    press: Press | None = None
+    rules: TrialRules
     forward: Callable[[Scan], ForwardModel] | None = None
     given: Estimator | bytes | None = None
-    each_held_out: bool = False
-    measured: bool = False
     objects: Mapping[str, Placement] | None = None
 
     def test_readings(self, task: OneTrial) -> Scan:
@@ -495,13 +540,13 @@ class TrialPlan:
         Those measured for the trials are its own. Where nobody knows how the presses lie to each other, but how the
         windows of one do, they are those of one press: the presses that have enough in turn, from any of them on.
         """
-        test = self.scan.where("test", task.truth)
-        if self.measured:
-            return test.chosen(np.arange(task.trial * self.readings, (task.trial + 1) * self.readings))
+        test, readings = self.scan.where("test", task.truth), self.rules.readings
+        if self.rules.measured:
+            return test.chosen(np.arange(task.trial * readings, (task.trial + 1) * readings))
         if not poses_unknown(self.scan.meta):
             return test
-        enough = presses_with(test, self.readings)
-        first = generator(self.seed, OneTrial(task.truth, 0), 4).integers(len(enough))
+        enough = presses_with(test, readings)
+        first = generator(self.rules.seed, OneTrial(task.truth, 0), 4).integers(len(enough))
         return test.chosen(_counted_presses(test)[0] == enough[(first + task.trial) % len(enough)])
 
     def fitted_for(self, truth: str, estimator: Estimator) -> tuple[Estimator, tuple[str, ...]]:
@@ -510,7 +555,7 @@ class TrialPlan:
         Where each letter is held out, both are without this one.
         """
         trained = self.scan.where("train").letters
-        if not self.each_held_out:
+        if not self.rules.each_held_out:
             return estimator, trained
         return estimator.without(truth, self.scan), tuple(letter for letter in trained if letter != truth)
 
@@ -583,12 +628,9 @@ def run_trials(
         for truth, of_letter in groupby(tasks, key=lambda task: task.truth):
             fitted, letters = plan.fitted_for(truth, estimator)
             before = Counter(flatten_work(fitted.work))
-            words: dict[str, Any] = {
-                "letters": letters, "readings": plan.readings, "seed": plan.seed, "of": objects[truth],
-                "explore": plan.explore, "slip": plan.slip, "press": plan.press,
-            }  # fmt: skip
+            words: dict[str, Any] = {"rules": plan.rules, "letters": letters, "of": objects[truth]}
             hidden = ((plan.test_readings(task), task) for task in of_letter)
-            if fitted.answers_together and plan.explore != "information":
+            if fitted.answers_together and plan.rules.explore != "information":
                 done += _run_together(fitted, [_UnderWay(test, task, **words) for test, task in hidden])
                 progress("trials", len(done), len(tasks))
             for test, task in hidden:
@@ -609,7 +651,7 @@ def send_trials(
     InputError for an estimator that cannot be sent.
     """
     plan = plan.portable()
-    if plan.each_held_out:
+    if plan.rules.each_held_out:
         divided = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
     else:
         divided = batches(tasks, parts)

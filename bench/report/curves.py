@@ -108,7 +108,7 @@ def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
 
     All readings of all trials are put into bins of equal width; empty ones are left out.
     """
-    stated, right = trials.p_label.ravel(), trials.right.ravel()
+    stated, right = trials.p_label[trials.taken], trials.right[trials.taken]
     place = np.minimum((stated * bins).astype(np.intp), bins - 1)
     return [
         Reliability(float(stated[mine].mean()), float(right[mine].mean()), int(mine.sum()))

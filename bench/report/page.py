@@ -192,8 +192,10 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         ],
         "allRightFrom": summary["all_right_from"],
         "settled95": summary["settled_95"],
-        "msPerReading": _short(1e3 * float(trials.seconds.mean())),
-        "evaluations": _short(float(trials.evaluations.mean())) if trials.evaluations.any() else None,
+        "msPerReading": _short(1e3 * float(trials.seconds[trials.taken].mean())),
+        "evaluations": _short(float(trials.evaluations[trials.taken].mean()))
+        if trials.evaluations.any()
+        else None,
         "confusion": {
             "letters": letters,
             "right": [letters.index(answers.get(letter, letter)) for letter in letters],

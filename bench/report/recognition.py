@@ -207,22 +207,21 @@ def _recognise(
     estimator, known = plan.fitted_for(task.truth, estimator)
     with no_exit(estimator):
         trial = run_trial(
-            estimator, test, task, letters=known, readings=entry.readings,
-            seed=plan.seed, of=entry.run.objects[task.truth], explore=plan.explore, press=plan.press,
-            slip=plan.slip, observe=keep,
-        )  # fmt: skip
-    true_pose, pose = trial.true_pose[0], trial.pose[0]
+            estimator, test, task, plan.rules, letters=known, of=entry.run.objects[task.truth], observe=keep
+        )
+    took = len(estimates)  # the trial may have ended before it had all its touches
+    true_pose, pose = trial.true_pose[0, :took], trial.pose[0, :took]
     labels = tuple(dict.fromkeys(label for e in estimates for label in e.probabilities))
     return Recognition(
         entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
-        labels=labels, label=trial.label[0].tolist(),
+        labels=labels, label=trial.label[0, :took].tolist(),
         pressures=np.array(pressures),
         sensor_in_object=compose(true_pose, np.array(touched)),
         estimate_in_object=compose(true_pose, invert(pose)),
         probabilities=np.array([[e.probabilities.get(label, 0.0) for label in labels] for e in estimates]),
         robot_in_object=pose, true_pose=true_pose,
-        error=errors(trial, entry.run.objects)[0],
-        region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0],
+        error=errors(trial, entry.run.objects)[0, :took],
+        region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0, :took],
         plane=beliefs if len(beliefs) == len(estimates) else None,
     )  # fmt: skip
 

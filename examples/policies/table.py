@@ -25,6 +25,7 @@ from policies import InformationPolicy, LearnedPolicy, Policy, RandomPolicy
 
 from tactsim.bench.intervals import Figure, mean, share
 from tactsim.bench.tasks import task as read_task
+from tactsim.bench.trials import sure_enough
 from tactsim.core.poses import FloatArray
 from tactsim.env import Reward, TouchEnv
 
@@ -55,9 +56,9 @@ class Played:
     @property
     def stopped(self) -> NDArray[np.int64]:
         """Count the touches after which each policy stops (n,): when it is sure, or after the last."""
-        sure = self.sure >= SURE
-        sure[:, -1] = True
-        return sure.argmax(axis=1) + 1
+        ends = sure_enough(self.sure, SURE)
+        ends[:, -1] = True
+        return ends.argmax(axis=1) + 1
 
     def returns(self, reward: Reward) -> FloatArray:
         """Sum up the rewards of each episode (n,), that of information left out."""

@@ -12,7 +12,7 @@ import numpy as np
 from tactsim.bench.kinds import Gathered, Kind
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.figures import Picture
-from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials
+from tactsim.bench.trials import OneTrial, Progress, TrialPlan, TrialRules, Trials
 from tactsim.core import rigid
 from tactsim.core.errors import InputError, counted
 from tactsim.core.poses import FloatArray
@@ -116,8 +116,8 @@ class Solids(Kind):
     ) -> TrialPlan:
         """Put together what a worker needs to do the trials, all of whose touches are pressed on demand."""
         return TrialPlan(
-            config.estimator, config.options, scan, config.readings, config.seed, config.explore,
-            press=SolidPress(config.scan_options, config.hand), given=given, objects=objects,
+            config.estimator, config.options, scan,
+            TrialRules.of(config, SolidPress(config.scan_options, config.hand)), given=given, objects=objects,
         )  # fmt: skip
 
     def hide(self, scan: Scan, rng: np.random.Generator) -> FloatArray:

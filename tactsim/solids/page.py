@@ -192,9 +192,8 @@ def replay(run: Run) -> list[Replayed]:
         seen: list[tuple[Estimate, Touch]] = []
         with no_exit(estimator):
             trials = run_trial(
-                estimator, plan.scan.where("test", task.truth), task, letters=labels, readings=run.readings,
-                seed=plan.seed, of=run.objects[task.truth], explore=plan.explore, press=plan.press,
-                observe=partial(_keep, seen),
+                estimator, plan.scan.where("test", task.truth), task, plan.rules, letters=labels,
+                of=run.objects[task.truth], observe=partial(_keep, seen),
             )  # fmt: skip
         assert isinstance(trials, SpaceTrials)
         estimates, touches = zip(*seen, strict=True)

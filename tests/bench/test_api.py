@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,10 +13,12 @@ from matplotlib.figure import Figure
 from test_trials import Blind
 
 import tactsim
-from tactsim.bench.config import scan_options
+from tactsim.bench.compare import compare
+from tactsim.bench.config import RunConfig, scan_options
 from tactsim.bench.report.recognition import readings_of
 from tactsim.bench.results import load, save, to_json
 from tactsim.bench.runs.naming import task_name
+from tactsim.bench.trials import TrialRules
 from tactsim.core import InputError
 from tactsim.estimators import Options
 
@@ -247,3 +249,55 @@ def test_errors_are_measured_alike_however_few_presses_are_learned_from():
     assert whole.objects == tactsim.run(**words, train_presses=5).objects
     assert whole.objects == tactsim.run(**words, hold_out="A").objects
     assert whole.objects["A"].centre == pytest.approx((0, 0), abs=2)
+
+
+# Of each option of a run a value that is not its own, with what it needs beside it.
+OTHER = {
+    "letters": "AE", "shapes": "S.svg", "test_poses": "same", "world": "rough", "pad": "anyskin", "noise": 1.5,
+    "scan_set": {"press": {"force": 3}}, "seed": 1, "estimator": "histogram", "bins": 7, "particles": 7,
+    "set": {"sigma_mm": 2}, "hold_out": "A", "trials": 3, "readings": 7, "explore": "information", "stop_at": 0.9,
+    "slip": {"walk_mm": 1}, "scan": "a.npz", "train_scan": "b.npz", "train_presses": 9, "bound": True, "given": "d",
+    "presses": {"presses": "c", "train_scan": "b.npz"},
+}  # fmt: skip
+
+
+def test_every_option_of_a_run_counts_in_its_digest():
+    """A sweep does one run for each digest: an option that did not count would be swept over without a word."""
+    assert set(OTHER) == set(RunConfig.model_fields) - {"task"}  # which says the others
+    words = {name: value if name == "presses" else {name: value} for name, value in OTHER.items()}
+    digests = {name: RunConfig(**more).digest for name, more in words.items()}
+    assert RunConfig().digest == RunConfig(seed=0).digest
+    assert len({*digests.values(), RunConfig().digest}) == len(OTHER) + 1
+
+
+def test_every_rule_of_a_trial_comes_from_the_configuration():
+    config = RunConfig(
+        readings=7, seed=3, explore="information", slip={"walk_mm": 1}, hold_out="each", stop_at=0.9
+    )
+    rules = TrialRules.of(config, None)
+    for rule in fields(TrialRules):
+        assert rule.name == "press" or hasattr(config, rule.name)
+        assert rule.name in ("press", "measured") or getattr(rules, rule.name) != rule.default
+
+
+def test_a_run_whose_trials_may_end_says_how_many_touches_they_took(tmp_path):
+    words = {"estimator": "histogram", "bins": 1000, "letters": "AEI", "trials": 4, "readings": 12}
+    whole, ended = tactsim.run(**words), tactsim.run(**words, stop_at=0.9)
+    took = ended.trials.touches
+    assert took.min() >= 1
+    assert took.max() <= 12
+    assert took.mean() < 12 == whole.touches
+    p = whole.trials.p_label
+    assert (took == np.where((p >= 0.9).any(axis=1), (p >= 0.9).argmax(axis=1) + 1, 12)).all()
+    assert ended.touches == took.mean()
+    assert f"after {took.mean():.1f} touches on average" in ended.cautions[0]
+    assert "stop at 0.9" in ended.protocol
+    assert whole.ended is None
+    assert ended.as_json()["stop_at"] == 0.9
+    loaded = load(ended.save(tmp_path / "ended"))
+    assert np.array_equal(loaded.trials.reading, ended.trials.reading)
+    assert loaded.summary == ended.summary
+    page = loaded.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "touches on average" in page
+    with pytest.raises(InputError, match="different protocols"):
+        compare(whole, ended)

@@ -9,7 +9,7 @@ from test_trials import Witness
 import tactsim
 from tactsim.bench.placement import properties
 from tactsim.bench.runs.pooled import figure_of, pool
-from tactsim.bench.trials import OneTrial, check_readings, run_trial
+from tactsim.bench.trials import OneTrial, TrialRules, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators import Estimate, Options
 
@@ -47,7 +47,7 @@ def test_a_trial_takes_one_press_and_presses_take_turns():
     for task in (OneTrial("B", trial) for trial in range(PRESSES)):
         estimator = Heard(Options())
         run_trial(
-            estimator, plan.test_readings(task), task, letters="AB", readings=5, seed=0,
+            estimator, plan.test_readings(task), task, TrialRules(5, 0), letters="AB",
             of=properties(scan)["B"],
         )  # fmt: skip
         pressed = {int(reading[0]) for reading, _ in estimator.seen}

@@ -11,7 +11,7 @@ from test_trials import PLAIN, Witness, make_scan
 from tactsim.bench.config import STILL, Slip, run_config
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import Scored, recovered_within
-from tactsim.bench.trials import OneTrial, run_trial
+from tactsim.bench.trials import OneTrial, TrialRules, run_trial
 from tactsim.core import InputError, invert, wrap_angle
 from tactsim.estimators import Options
 
@@ -55,9 +55,9 @@ def test_the_sensor_pose_of_each_touch_goes_with_the_pose_of_the_object_then():
     witness.fit(scan)
     slip = Slip(walk_mm=2, walk_rad=0.2, jump_mm=5)
     of_e, task = scan.where("test", "E"), OneTrial("E", 1)
-    words = {"letters": scan.letters, "readings": 12, "seed": 5, "of": PLAIN}
-    still = run_trial(witness, of_e, task, **words)
-    moving = run_trial(witness, of_e, task, slip=slip, **words)
+    words = {"letters": scan.letters, "of": PLAIN}
+    still = run_trial(witness, of_e, task, TrialRules(12, 5), **words)
+    moving = run_trial(witness, of_e, task, TrialRules(12, 5, moving=slip), **words)
     assert np.array_equal(still.reading, moving.reading)
     assert np.array_equal(still.true_pose[:, 0], moving.true_pose[:, 0])
     assert np.ptp(still.true_pose, axis=1).max() == 0

@@ -8,7 +8,7 @@ from tactsim import models
 from tactsim.bench.config import run_config
 from tactsim.bench.experiment import perform
 from tactsim.bench.on_demand import OnDemand
-from tactsim.bench.trials import OneTrial, run_trial
+from tactsim.bench.trials import OneTrial, TrialRules, run_trial
 from tactsim.core import InputError, Scan, compose
 from tactsim.estimators import Estimate, Options
 from tactsim.press import WORLDS, PressOptions, ScanOptions, press_letter
@@ -37,8 +37,8 @@ def trial_of(estimator, press, *, truth="O", trial=0, seed=0, readings=3, explor
         np.empty((0, 36)), np.empty((0, 3)), np.array([]), np.array([]), press.options.pad.taxel_xy
     )
     return run_trial(
-        estimator, nothing, OneTrial(truth, trial), letters=("O",), readings=readings, seed=seed,
-        of=PLAIN, explore=explore, press=press,
+        estimator, nothing, OneTrial(truth, trial), TrialRules(readings, seed, explore, press=press),
+        letters=("O",), of=PLAIN,
     )  # fmt: skip
 
 

@@ -9,8 +9,10 @@ from tactsim.bench.experiment import gather, silent
 from tactsim.bench.intervals import wilson
 from tactsim.bench.placement import Properties
 from tactsim.bench.trials import (
+    NOT_TAKEN,
     OneTrial,
     TrialPlan,
+    TrialRules,
     Trials,
     check_readings,
     draw_true_pose,
@@ -95,7 +97,7 @@ class Witness(Estimator):
 def trials_of(estimator, scan, count, readings=20, seed=0):
     estimator.fit(scan)
     tasks = [OneTrial(letter, trial) for letter in scan.letters for trial in range(count)]
-    plan = TrialPlan("none", {}, scan, readings, seed)
+    plan = TrialPlan("none", {}, scan, TrialRules(readings, seed))
     return run_trials(plan, estimator, tasks, progress=silent)[0]
 
 
@@ -137,7 +139,7 @@ def test_readings_are_the_letters_own_test_readings_without_replacement():
     witness = Witness(Options())
     witness.fit(scan)
     test = scan.where("test", "I")
-    run_trial(witness, test, OneTrial("I", 4), letters=scan.letters, readings=20, seed=3, of=PLAIN)
+    run_trial(witness, test, OneTrial("I", 4), TrialRules(20, 3), letters=scan.letters, of=PLAIN)
     letters, indices = np.array([reading for reading, _ in witness.seen]).T
     assert set(letters) == {2}
     assert sorted(indices) == list(range(20, 40))
@@ -177,8 +179,8 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     witness = Witness(Options())
     witness.fit(scan)
     of_a, task = scan.where("test", "A"), OneTrial("A", 0)
-    words = {"letters": scan.letters, "readings": 5, "seed": 0, "of": PLAIN, "explore": "information"}
-    trial = run_trial(witness, of_a, task, **words)
+    rules = TrialRules(5, 0, "information")
+    trial = run_trial(witness, of_a, task, rules, letters=scan.letters, of=PLAIN)
     assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
     assert (trial.evaluations == 7).all()
 
@@ -221,7 +223,7 @@ class OneByOne(Together):
 @pytest.mark.parametrize("slip", [Slip(), Slip(walk_mm=0.5)])
 def test_trials_done_at_once_are_those_done_one_by_one(slip):
     made = Together(Options()), OneByOne(Options())
-    plan = TrialPlan("together", {}, make_scan(), 7, seed=3, slip=slip)
+    plan = TrialPlan("together", {}, make_scan(), TrialRules(7, 3, moving=slip))
     tasks = [OneTrial(letter, trial) for letter in "AE" for trial in range(3)]
     together, alone = (run_trials(plan, one, tasks, progress=silent)[0] for one in made)
     assert made[0].calls == [(3, 7, 2)] * 2
@@ -233,12 +235,62 @@ def test_trials_done_at_once_are_those_done_one_by_one(slip):
             np.testing.assert_array_equal(getattr(together, field.name), getattr(alone, field.name))
 
 
+class Surer(Together):
+    """The same, surer of its letter with each reading: 1/3, 2/4, 3/5 and so on."""
+
+    def estimate(self):
+        return self._surer(super().estimate(), self.heard)
+
+    def reset(self, rng):
+        super().reset(rng)
+        self.heard = 0
+
+    def update(self, reading, sensor_in_robot):
+        super().update(reading, sensor_in_robot)
+        self.heard += 1
+
+    def estimates(self, readings, sensor_in_robot):
+        answers = super().estimates(readings, sensor_in_robot)
+        return [[self._surer(one, k + 1) for k, one in enumerate(of_trial)] for of_trial in answers]
+
+    def _surer(self, estimate, touches):
+        p = touches / (touches + 2)
+        rest = dict.fromkeys(LETTERS, (1 - p) / (len(LETTERS) - 1))
+        return replace(estimate, probabilities=rest | {estimate.label: p})
+
+
+class SurerOneByOne(Surer):
+    answers_together = False
+
+
+@pytest.mark.parametrize("kind", [Surer, SurerOneByOne])
+@pytest.mark.parametrize(("stop_at", "touches"), [(0.6, 3), (0.61, 4), (0.99, 7), (None, 7)])
+def test_a_trial_ends_as_soon_as_it_is_sure(kind, stop_at, touches):
+    """What it did until then is what it does without an end, and costs nothing after."""
+    tasks = [OneTrial(letter, trial) for letter in "AE" for trial in range(2)]
+    ended, whole = (
+        run_trials(
+            TrialPlan("surer", {}, make_scan(), TrialRules(7, 3, moving=Slip(walk_mm=0.5), stop_at=end)),
+            kind(Options()), tasks, progress=silent,
+        )[0]
+        for end in (stop_at, None)
+    )  # fmt: skip
+    assert (ended.touches == touches).all()
+    assert (ended.reading[:, touches:] == NOT_TAKEN).all()
+    for name in ("reading", "label", "p_label", "p_truth", "pose", "true_pose"):
+        column = getattr(ended, name)
+        np.testing.assert_array_equal(column[:, :touches], getattr(whole, name)[:, :touches])
+        if name != "reading":
+            assert (column[:, touches:] == column[:, touches - 1 : touches]).all()
+    assert not ended.seconds[:, touches:].any()
+
+
 def test_an_estimator_that_leaves_out_answers_of_many_trials_is_named():
     class Short(Together):
         def estimates(self, readings, sensor_in_robot):
             return super().estimates(readings, sensor_in_robot)[1:]
 
-    plan = TrialPlan("short", {}, make_scan(), 7, seed=3)
+    plan = TrialPlan("short", {}, make_scan(), TrialRules(7, 3))
     with pytest.raises(InputError, match=r"Short is broken.*7 readings of each of 2 trials"):
         run_trials(plan, Short(Options()), [OneTrial("A", 0), OneTrial("A", 1)], progress=silent)
 
@@ -295,8 +347,8 @@ def test_a_proposal_that_is_none_names_the_estimator(proposal):
     broken.answer, broken.proposal = Estimate("A", EVEN, np.zeros(3)), proposal
     with pytest.raises(InputError, match="Broken is broken: it proposed"):
         run_trial(
-            broken, scan.where("test", "A"), OneTrial("A", 0),
-            letters=scan.letters, readings=2, seed=0, of=PLAIN, explore="information",
+            broken, scan.where("test", "A"), OneTrial("A", 0), TrialRules(2, 0, "information"),
+            letters=scan.letters, of=PLAIN,
         )  # fmt: skip
 
 
@@ -333,7 +385,7 @@ def test_a_letter_that_was_held_out_is_right_when_it_is_refused():
     refusing = Refusing(Options())
     refusing.fit(scan)
     tasks = [OneTrial(letter, trial) for letter in LETTERS for trial in range(2)]
-    plan = TrialPlan("none", {}, scan.untrained(LETTERS[:1]), 6, 0)
+    plan = TrialPlan("none", {}, scan.untrained(LETTERS[:1]), TrialRules(6, 0))
     trials = run_trials(plan, refusing, tasks, progress=silent)[0]
     held_out = trials.truth == LETTERS[0]
     assert np.array_equal(trials.known, ~held_out)

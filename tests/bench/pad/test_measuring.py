@@ -9,7 +9,7 @@ from command_line import refused, wait_until
 import tactsim
 from tactsim.bench.pad.measured import measured_scan, poses_to_press, recording_of
 from tactsim.bench.results import load
-from tactsim.bench.trials import OneTrial, TrialPlan
+from tactsim.bench.trials import OneTrial, TrialPlan, TrialRules
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions
 
@@ -55,7 +55,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert np.array_equal(scan.readings[:3], kept.readings)
     for number, (letter, trial) in enumerate((letter, trial) for letter in "IO" for trial in range(2)):
         own = scan_of_sessions([recording_of(folder, letter, trial)])
-        plan = TrialPlan("refined", {}, scan, readings=3, seed=0, measured=True)
+        plan = TrialPlan("refined", {}, scan, TrialRules(3, 0, measured=True))
         test = plan.test_readings(OneTrial(letter, trial))
         assert np.array_equal(test.readings, own.readings)
         assert np.array_equal(test.poses, own.poses)
