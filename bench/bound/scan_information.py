@@ -41,7 +41,7 @@ def scan_bounds(
         summed = walked(information[letter][trials.reading[rows]], turns, slip.walk_mm, slip.walk_rad)
         result[rows] = bound_mm(summed, objects[letter])
     # An ended trial knows no more than after its last touch.
-    last = np.minimum(np.arange(result.shape[1]), trials.touches[:, None] - 1)
+    last = np.minimum(trials.taken.cumsum(axis=1), trials.touches[:, None]) - 1
     result = np.take_along_axis(result, last, axis=1)
     if slip.still:  # readings of other poses do not add up
         result[np.ptp(trials.true_pose, axis=1).any(axis=1)] = np.inf
