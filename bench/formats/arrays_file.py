@@ -44,6 +44,8 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
 
             found = read_named(path, wanted)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
+        if path.suffix.lower() != ".npz":
+            arrays = presses_first(arrays)
         if unknown:
             arrays["poses"] = np.zeros((len(arrays["readings"]), 3))
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
@@ -60,6 +62,26 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
         ) from error
     except InputError as error:
         raise InputError(f"cannot read {path}: {error}") from error
+
+
+def presses_first(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Put the presses first in readings and poses that have them last, as MATLAB's users do.
+
+    Raises InputError where both the first and the last dimension are as long as there are labels.
+    """
+    count = arrays["labels"].size
+    turned = dict(arrays)
+    for role, least in (("readings", 3), ("poses", 2)):
+        shape = arrays[role].shape if role in arrays else ()
+        if len(shape) < least or shape[-1] != count:
+            continue
+        if shape[0] != count:
+            turned[role] = np.moveaxis(arrays[role], -1, 0)
+        elif turned["readings"] is not arrays["readings"] or (role == "readings" and len(shape) == 3):
+            raise InputError(
+                f"its {role} of shape {shape} may have the {count} presses first or last; save another number of them"
+            )
+    return turned
 
 
 def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:

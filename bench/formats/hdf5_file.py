@@ -88,10 +88,17 @@ def is_foreign(path: Path) -> bool:
 def read_named(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Read datasets of somebody else's file: numbers or texts, whatever group they are in, as `group/name`.
 
+    Those that MATLAB wrote (-v7.3) have their dimensions turned round there, and come as it has them.
     Raises InputError if the file is not whole, too large, or lacks one, which is a MissingArrayError.
     """
     with _opened(path) as file:
-        return _read(file, names)
+        arrays = _read(file, names)
+        for name, array in arrays.items():
+            kind = file[name].attrs.get("MATLAB_class")
+            if kind is not None:
+                of_text = kind == b"char" and array.ndim == 2
+                arrays[name] = np.array(["".join(map(chr, row)) for row in array.T]) if of_text else array.T
+        return arrays
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.finite import LARGEST
+from tactsim.core.idle import failed_cells
 from tactsim.core.poses import FloatArray
 from tactsim.hardware import text_tables
 from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
@@ -161,6 +162,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
+    failed = failed_cells(whole[:, 1:]).any(axis=1)
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
@@ -168,14 +170,17 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
         also = f"; {remark}" if remark else ""
         remark = f"taxel {lost}: NaN in every line, which counts as 0: never pressed{also}"
+    if failed.any():
+        also = f"; {remark}" if remark else ""
+        remark = f"{failed.sum():,} of {len(failed):,} lines have a failed cell, as 65535 is, and are left out{also}"
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:
         """Give the frames as they stand in the file."""
-        last = 0.0
+        last, failing = 0.0, iter(failed)
         for text in samples:
             row = numbers(text)
-            if row is None or len(row) != width or (np.isnan(row) != dead).any():
+            if row is None or len(row) != width or next(failing) or (np.isnan(row) != dead).any():
                 yield text
             else:
                 row[dead] = 0

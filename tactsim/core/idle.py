@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 
@@ -30,6 +30,10 @@ _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded
 _NARROW = 0.05  # of its range: readings at an end of it that lie closer together are at rest, or saturated
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
 _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
+# Numbers that devices and programs write for what they could not measure: ends of 16 and 32 bits, and nines.
+_NO_READING = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1}
+_NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
+_SELDOM = 0.05  # the most of its cells that fail where a taxel does not
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 
 
@@ -81,6 +85,31 @@ class Idle:
         return f"idle level {middle:.4g} ({low:.4g} to {high:.4g}), and under load it {which}{doubt}"
 
 
+def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
+    """Tell which cells of readings (n, taxels) failed: as 65535, 9999 or -9999, far from what all others read.
+
+    Far is further than all others lie apart; a taxel that reads so in more than a twentieth of the presses is not
+    judged. Cells without a number (NaN) have no say.
+    """
+    values = np.asarray(readings, dtype=float)
+    marks = np.isin(values, list(_NO_READING))
+    failed = np.zeros(values.shape, dtype=bool)
+    if not marks.any():
+        return failed
+    marks &= marks.mean(axis=0) <= _SELDOM
+    while marks.any():  # what lies within the others is a reading, from the innermost on
+        others = values[~marks & ~np.isnan(values)]
+        if not others.size:
+            return failed
+        low, high = others.min(), others.max()
+        beyond = np.where(marks, np.maximum(values - high, low - values), np.inf)
+        nearest = beyond.min()
+        if nearest > high - low:
+            return marks
+        marks &= beyond > nearest
+    return failed
+
+
 def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:
     """Find the idle level and the sign of each taxel from readings (n, taxels) of presses.
 
@@ -97,6 +126,7 @@ def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> 
     of_press = np.arange(len(every)) if presses is None else presses
     times = np.bincount(np.unique(np.column_stack([same.ravel(), of_press]), axis=0)[:, 0])
     own = (times < _FAILED)[same.ravel()]
+    own &= ~failed_cells(every).any(axis=1)
     values = every[own] if own.sum() >= _FEWEST else every
     taxels = values.shape[1]
     if len(values) < _FEWEST:
@@ -164,8 +194,18 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Raises InputError for another word, and for frames of another pad.
+    (n, taxels) instead. Presses with failed cells are left out, unless "off". Raises InputError for another word, for
+    frames of another pad, and if no press is left.
     """
+    failed = failed_cells(scan.readings)
+    lost = int(failed.any(axis=1).sum())
+    if lost and zero != "off":
+        example = short(float(scan.readings[failed][0]))
+        if lost == len(scan):
+            raise InputError(f"every press has a failed cell, such as {example}; write them as empty cells")
+        taken, said = settled(scan.chosen(~failed.any(axis=1)), zero, frames)
+        cells = f"{failed.sum():,} failed cells, such as {example}"
+        return taken, f"{lost:,} of {len(scan):,} presses with {cells}, are left out; {said}"
     if frames is not None:
         if zero != "auto":
             raise InputError("--zero and --idle both say what idle taxels read; leave one out")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -51,6 +52,9 @@ class Batch(NamedTuple):
     sensor_in_robot: FloatArray
     letter: NDArray[np.int64]
     robot_in_object: FloatArray
+
+
+_POSE_COLUMNS = {"x": 0, "x_mm": 0, "y": 1, "y_mm": 1, "theta": 2, "theta_rad": 2}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,15 +209,30 @@ class Scan:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
         pad: None for the paper's. unit: of the readings; other pressures, such as mmHg, become kPa. licence: an SPDX
         name. loads: (n,) N, NaN where not known. presses: (n,) whole numbers, the same for readings of one press.
-        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN in a press
-        is left out, which is logged and stated in `meta["left_out"]`.
+        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN in a press,
+        or is masked, is left out, which is logged and stated in `meta["left_out"]`. Columns of a table go by their
+        names: t0, t1, ...; x_mm, y_mm, theta_rad.
 
         Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
         """
         from tactsim.core.pad import Pad  # brings pydantic, which a scan does without
 
         pad = Pad() if pad is None else pad
-        values = readings_a_press(readings, pad)
+        tables = [
+            one.index
+            for one in (readings, poses, labels, split)
+            if hasattr(getattr(one, "index", 0), "equals")
+        ]
+        if any(not tables[0].equals(other) for other in tables[1:]):
+            raise InputError(
+                "tables of readings, poses, labels and split have other indices; give them one order"
+            )
+        values = readings_a_press(in_order(readings), pad)
+        poses = unmasked(in_order(poses, _POSE_COLUMNS), "poses")
+        loads, presses, moments = (
+            None if values is None else unmasked(values, name)
+            for name, values in (("loads", loads), ("presses", presses), ("moments", moments))
+        )
         if np.shape(poses) != (len(values), 3):
             raise InputError(f"poses are {np.shape(poses)}; give ({len(values)}, 3): x mm, y mm, theta rad")
         if unit in IN_KPA:
@@ -612,7 +631,7 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
     values: (n, taxels), (n, rows, columns), (n, images, taxels) or (n, images, rows, columns) numbers. Raises
     InputError for another shape.
     """
-    array = np.asarray(values)
+    array = unmasked(values, "readings")
     if array.dtype.kind not in "fiu":
         raise InputError(f"readings are {array.dtype}, no numbers")
     picture = (pad.rows, pad.columns)
@@ -633,12 +652,47 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
     return np.asarray(np.ma.filled(images.mean(axis=1), np.nan))
 
 
+def unmasked(values: Any, what: str) -> NDArray[Any]:
+    """Make an array of anything; numbers that NumPy's mask hides become NaN. Raises InputError for hidden names."""
+    if not np.ma.is_masked(values):
+        return np.asarray(values)
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{what} are masked in {np.ma.count_masked(values)} places; leave these presses out")
+    return np.asarray(values.astype(float).filled(np.nan))
+
+
+def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
+    """Put the columns of a table with named ones (pandas, Polars) in order; anything else stays as it is.
+
+    names: the places of the columns that must be there; None: taxels, by the numbers in their names. Raises InputError
+    for other names.
+    """
+    columns = list(getattr(frame, "columns", ()))
+    if not columns or not all(isinstance(name, str) for name in columns):
+        return frame
+    if names is not None:
+        places = [names.get(name.strip().lower(), -1) for name in columns]
+        if sorted(places) != list(range(len({*names.values()}))):
+            raise InputError(f"columns {', '.join(columns)}: poses are x_mm, y_mm and theta_rad")
+    else:
+        places = [tuple(map(int, re.findall(r"\d+", name))) for name in columns]
+        kinds = {re.sub(r"\d+", "#", name) for name in columns}
+        if len(columns) > 1 and (len(kinds) > 1 or len({*places}) < len(columns)):
+            raise InputError(
+                f"columns {short(', '.join(columns))} are no taxels in an order, as t0, t1, ... are"
+            )
+        if re.match(r"(x|c|col|column)[\W_]*#.*#", min(kinds), re.IGNORECASE):
+            places = [place[::-1] for place in places]
+    order = sorted(range(len(columns)), key=places.__getitem__)
+    return np.asarray(frame)[:, order]
+
+
 def names_of(values: Any, what: str) -> NDArray[np.str_]:
     """Read names (n,): texts as they are without blanks around them, bytes as UTF-8, whole numbers written out.
 
     Raises InputError for anything else.
     """
-    array = np.asarray(values)
+    array = unmasked(values, what)
     if array.dtype.kind in "SO":
         array = np.array(_as_texts(array.ravel(), what), dtype=np.str_).reshape(array.shape)
     array = array.reshape(-1) if array.size == max(array.shape, default=1) else array  # a row or a column
@@ -679,7 +733,7 @@ def splits_of(values: Any, count: int) -> NDArray[np.str_]:
     """
     if values is None:
         return np.full(count, "train")
-    array = np.asarray(values)
+    array = unmasked(values, "split")
     if array.dtype.kind in "fiu" and np.isin(array, (0, 1)).all():
         array = array.astype(bool)
     if array.dtype.kind == "b":

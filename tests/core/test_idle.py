@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactsim.core import InputError, Scan
-from tactsim.core.idle import find_idle, settled
+from tactsim.core.idle import failed_cells, find_idle, settled
 
 TAXELS = 36
 
@@ -174,3 +174,24 @@ def test_idle_readings_of_the_whole_pad_are_taken_for_the_taxels_that_are_left()
 def test_a_mistake_is_one_line(zero, frames, says):
     with pytest.raises(InputError, match=says):
         settled(scan_of(pressed()), zero, frames)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("mark", [65535.0, 9999.0, -9999.0, -32768.0])
+def test_presses_with_failed_cells_are_left_out_and_counted(turned, mark):
+    readings = np.round(3000 + turned * 20 * pressed())
+    failed = np.random.default_rng(1).random(readings.shape) < 0.01
+    kept = ~failed.any(axis=1)
+    taken, said = settled(scan_of(np.where(failed, mark, readings)))
+    right, _ = settled(scan_of(readings[kept]))
+    assert taken.meta["idle"] == right.meta["idle"]
+    assert np.array_equal(taken.readings, right.readings)
+    assert set(taken.meta["idle"]["sign"]) == {turned}
+    lost = f"{(~kept).sum():,} of {len(kept):,} presses with {failed.sum():,} failed cells, such as {mark!r}"
+    assert said.startswith(lost)
+
+
+def test_a_large_reading_among_others_is_no_failed_cell():
+    ramp = np.linspace(0, 9999, 400).reshape(100, 4)
+    assert not failed_cells(ramp).any()
+    assert not failed_cells(np.where(np.arange(4) == 2, 65535.0, pressed()[:, :4])).any()  # a dead taxel

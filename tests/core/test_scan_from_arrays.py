@@ -1,4 +1,5 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from tactsim.core import InputError, Pad, Scan
@@ -80,3 +81,46 @@ def test_angles_in_degrees_are_refused_and_places_in_metres_are_said(caplog):
         caplog.clear()
         Scan.from_arrays(readings, poses * [places, places, 1], labels, pad=PAD)
         assert ("in metres" in caplog.text) is said
+
+
+def test_what_numpy_masks_is_left_out():
+    readings = np.ma.masked_equal(np.where(FLAT == 8, -9999, FLAT).astype(int), -9999)
+    scan = Scan.from_arrays(readings, np.zeros((4, 3)), list("AABB"), pad=PAD)
+    assert list(scan.meta["left_out"]) == ["2"]
+    assert np.array_equal(scan.readings, np.delete(FLAT, 2, axis=1))
+    loads = np.ma.masked_equal([1, 2, -1, 4], -1)
+    scan = Scan.from_arrays(FLAT, np.zeros((4, 3)), list("AABB"), pad=PAD, loads=loads)
+    assert np.array_equal(scan.loads, [1, 2, np.nan, 4], equal_nan=True)
+
+
+def test_masked_poses_and_names_are_one_line():
+    poses = np.ma.masked_equal(np.where(np.arange(12).reshape(4, 3) == 5, -9999, 0), -9999)
+    with pytest.raises(InputError, match=r"poses\[1, 2\] is nan"):
+        Scan.from_arrays(FLAT, poses, list("AABB"), pad=PAD)
+    with pytest.raises(InputError, match="labels are masked in 1 places"):
+        Scan.from_arrays(FLAT, np.zeros((4, 3)), np.ma.array(list("AABB"), mask=[0, 0, 1, 0]), pad=PAD)
+
+
+@pytest.mark.parametrize("names", [("t{}",), ("r{}c{}",), ("x{1}y{0}",)])
+def test_columns_of_a_table_go_by_their_names(names):
+    names = [names[0].format(row, column) for row in range(2) for column in range(3)]
+    names = [f"t{at}" for at in range(6)] if names[0] == "t0" else names
+    order = np.random.default_rng(0).permutation(6)
+    table = pd.DataFrame(FLAT, columns=names).iloc[:, order]
+    poses = pd.DataFrame({"theta_rad": np.ones(4), "y_mm": np.full(4, 2.0), "x_mm": np.full(4, 3.0)})
+    scan = Scan.from_arrays(table, poses, pd.Series(list("AABB")), pad=PAD)
+    assert np.array_equal(scan.readings, FLAT)
+    assert np.array_equal(scan.poses, np.tile([3.0, 2.0, 1.0], (4, 1)))
+    unnamed = Scan.from_arrays(pd.DataFrame(FLAT), pd.DataFrame(np.zeros((4, 3))), list("AABB"), pad=PAD)
+    assert np.array_equal(unnamed.readings, FLAT)
+
+
+def test_columns_that_are_no_taxels_or_poses_are_one_line():
+    table, poses = pd.DataFrame(FLAT, columns=[f"t{at}" for at in range(6)]), np.zeros((4, 3))
+    with pytest.raises(InputError, match="are no taxels in an order"):
+        Scan.from_arrays(table.rename(columns={"t3": "force"}), poses, list("AABB"), pad=PAD)
+    degrees = pd.DataFrame(poses, columns=["x_mm", "y_mm", "theta_deg"])
+    with pytest.raises(InputError, match="poses are x_mm, y_mm and theta_rad"):
+        Scan.from_arrays(table, degrees, list("AABB"), pad=PAD)
+    with pytest.raises(InputError, match="other indices"):
+        Scan.from_arrays(table, poses, pd.Series(list("AABB"), index=[3, 2, 1, 0]), pad=PAD)

@@ -97,3 +97,14 @@ def test_decimals_are_no_thousands(mark, numbers):
 def test_a_number_that_reads_both_ways_is_refused():
     with pytest.raises(InputError, match=r"^5,166 may be 5166 or 5\.166"):
         thousands_mark(["5,166", "12", "0"])
+
+
+@pytest.mark.parametrize("mark", [65535, 9999, -9999])
+def test_lines_with_a_failed_cell_are_left_out_and_counted(mark):
+    lines = [f"{40 * at}, {at % 7}, {500 + at}" for at in range(60)]
+    lines[20], lines[41] = f"800, {mark}, 520", f"1640, 6, {mark}"
+    _, frames, remark = read_table(iter(["Time [ms], Elem0, Elem1", *lines]))
+    frames = list(frames)
+    assert [frame.split(", ")[0] for frame in frames if isinstance(frame, str)] == ["800", "1640"]
+    assert max(frame.values.max() for frame in frames if not isinstance(frame, str)) == 559
+    assert "2 of 60 lines have a failed cell" in remark
