@@ -162,7 +162,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
-    failed = failed_cells(whole[:, 1:]).any(axis=1)
+    failed = np.asarray(failed_cells(whole[:, 1:]).any(axis=1))
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)

@@ -198,12 +198,13 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     frames of another pad, and if no press is left.
     """
     failed = failed_cells(scan.readings)
-    lost = int(failed.any(axis=1).sum())
+    whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
+    lost = int((~whole).sum())
     if lost and zero != "off":
         example = short(float(scan.readings[failed][0]))
         if lost == len(scan):
             raise InputError(f"every press has a failed cell, such as {example}; write them as empty cells")
-        taken, said = settled(scan.chosen(~failed.any(axis=1)), zero, frames)
+        taken, said = settled(scan.chosen(whole), zero, frames)
         cells = f"{failed.sum():,} failed cells, such as {example}"
         return taken, f"{lost:,} of {len(scan):,} presses with {cells}, are left out; {said}"
     if frames is not None:

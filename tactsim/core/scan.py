@@ -670,9 +670,10 @@ def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
     columns = list(getattr(frame, "columns", ()))
     if not columns or not all(isinstance(name, str) for name in columns):
         return frame
+    places: list[tuple[int, ...]]
     if names is not None:
-        places = [names.get(name.strip().lower(), -1) for name in columns]
-        if sorted(places) != list(range(len({*names.values()}))):
+        places = [(names.get(name.strip().lower(), -1),) for name in columns]
+        if sorted(places) != [(at,) for at in range(len({*names.values()}))]:
             raise InputError(f"columns {', '.join(columns)}: poses are x_mm, y_mm and theta_rad")
     else:
         places = [tuple(map(int, re.findall(r"\d+", name))) for name in columns]
