@@ -72,7 +72,7 @@ def presses_first(arrays: Mapping[str, Any]) -> dict[str, Any]:
     count = arrays["labels"].size
     turned = dict(arrays)
     for role, least in (("readings", 3), ("poses", 2)):
-        shape = arrays[role].shape if role in arrays else ()
+        shape: tuple[int, ...] = arrays[role].shape if role in arrays else ()
         if len(shape) < least or shape[-1] != count:
             continue
         if shape[0] != count:
