@@ -55,7 +55,7 @@ def command(
     stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
     rate: Annotated[
         float | None,
-        typer.Option(help="Readings a second of recordings that state no times.", metavar="HZ"),
+        shared.number("Readings a second of recordings that state no times.", metavar="HZ"),
     ] = None,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
@@ -94,7 +94,7 @@ def command(
     window = None if cut is None else shared.window(cut)
     wanted, share = _moments(moments, marks), 1.0 if at_load is None else shared.share("--at-load", at_load)
     console = plain_console()
-    if rate is not None and not 0 < rate < float("inf"):
+    if rate is not None and rate <= 0:
         raise InputError(f"--rate {rate:g}: give readings a second, above 0")
 
     def opened(path: Path) -> Source:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactsim.bench import trials
+from tactsim.bench import plane, trials
 from tactsim.bench.config import Slip
 from tactsim.bench.experiment import gather
 from tactsim.bench.formats.public_recordings import prepared_scan
@@ -168,7 +168,7 @@ def shifted(function, by):
 @pytest.mark.parametrize(
     ("where", "name", "make"),
     [
-        (trials, "draw_true_pose", lambda right: shifted(right, [0, 0, 1e-5])),
+        (plane, "draw_true_pose", lambda right: shifted(right, [0, 0, 1e-5])),
         (Slip, "poses", lambda right: shifted(right, [1e-5, 0, 0])),
         (
             trials,
