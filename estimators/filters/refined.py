@@ -301,3 +301,4 @@ class StackedFilter(RefinedFilter):
     """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves."""
 
     options_type: type[Options] = StackedOptions
+    draws = True  # once a motion is seen

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(tactsim.__file__).parents[1] / "examples" / "mlp"))
 import tactsim_mlp
 
 LETTERS = "EIL"
-OPTIONS = {"rounds": 3, "hidden": 16}
+OPTIONS = {"rounds": 3, "hidden": 32}
 
 
 def made(scan=None):
