@@ -145,6 +145,8 @@ def smaller(arguments):
     """Ask for the same with less work: few letters, trials and readings, the first value of every list."""
     arguments = ["IL0" if word == "A-Z0-9" else word for word in arguments]
     verb, *rest = arguments
+    if dict(pairwise(rest)).get("--trials") == "all":  # of a few presses, each once
+        return arguments
     if verb in ("run", "bound"):
         if "solids" in rest:
             few = ["--trials", "1", "--touches", "3", *SMALL_SOLIDS]
