@@ -128,11 +128,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         )
     # Words about the recording may say time, too.
     line = max(named, key=lambda at: (text_tables.separator_of(head[at]) != " ", len(titles[at])))
-    separator, time, samples = (
-        text_tables.separator_of(head[line]),
-        _time_at(titles[line]),
-        [*head[line + 1 :], *texts],
-    )
+    separator, time = text_tables.separator_of(head[line]), _time_at(titles[line])
+    samples = [*head[line + 1 :], *texts]
     cells_of_lines = [cells for _, cells in text_tables.cells_of(samples, separator)]
     of_taxels = (cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time)
     thousands = text_tables.thousands_mark(of_taxels) or ""
@@ -152,7 +149,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         # A clock since 1970 in ns is larger than any reading may be.
         return row if np.isfinite(row[0]) and not (np.abs(row[1:]) > LARGEST).any() else None
 
-    rows = [row for text in samples if (row := numbers(text)) is not None]
+    parsed = [numbers(text) for text in samples]
+    rows = [row for row in parsed if row is not None]
     width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
@@ -178,8 +176,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     def frames() -> Iterator[Frame | str]:
         """Give the frames as they stand in the file."""
         last, failing = 0.0, iter(failed)
-        for text in samples:
-            row = numbers(text)
+        for text, row in zip(samples, parsed, strict=True):
             if row is None or len(row) != width or next(failing) or (np.isnan(row) != dead).any():
                 yield text
             else:
@@ -216,9 +213,8 @@ def _order(times: FloatArray) -> NDArray[np.intp] | None:
     if not (steps < 0).any():
         return None
     order = np.argsort(times, kind="stable")
-    anew = 10 * (steps < 0).sum() < len(
-        steps
-    )  # seldom, else lines are shuffled, and their steps are of any size
+    # A clock begins anew seldom; else lines are shuffled, and their steps are of any size.
+    anew = 10 * (steps < 0).sum() < len(steps)
     usual = np.median(np.abs(steps[steps != 0]) if anew else np.diff(times[order]))
     near = (np.diff(times[order]) < usual / 4).sum() > (np.abs(steps) < usual / 4).sum()
     return None if near else order
