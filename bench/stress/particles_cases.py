@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +20,21 @@ from tactsim.bench.stress.case_data import (
 )
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.particle_kernels import PARZEN_STEP, draw, parzen_mode
+from tactsim.estimators.registry import load
 
 
-def drawing(budget: int) -> list[tuple[str, dict[str, int]]]:
-    """List the registered filters that draw, with this many particles."""
-    return [(name, options) for name, options in every_estimator(budget) if draws(name)]
+def drawing(budget: int) -> list[tuple[str, dict[str, Any]]]:
+    """List the registered filters that draw, with this many particles and the paper's measurement model.
+
+    Those that draw once a motion is seen follow one from the first reading.
+    """
+    found = []
+    for name, options in every_estimator(budget):
+        if draws(name):
+            known = load(name).options_type.model_fields
+            seen = "motion" in known and known["motion"].default == "seen"
+            found.append((name, {**options, "likelihood": "paper", **({"motion": "auto"} if seen else {})}))
+    return found
 
 
 @case(

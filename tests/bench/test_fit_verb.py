@@ -44,9 +44,9 @@ def test_what_is_chosen_is_said_and_written_as_a_world_that_can_be_pressed(here,
 
 @pytest.mark.long
 def test_a_run_on_imported_readings_says_what_was_fitted_and_takes_the_unit_as_it_comes(imported):
-    run = tactsim.run(imported, trials=5, readings=3)
+    run = tactsim.run(imported, trials=10, readings=3)
     other = replace(imported, readings=imported.readings / 1000)
-    again = tactsim.run(other, trials=5, readings=3)
+    again = tactsim.run(other, trials=10, readings=3)
     assert run.accuracy[-1] >= 0.8  # after three readings
     np.testing.assert_array_equal(again.trials.label, run.trials.label)
     np.testing.assert_allclose(again.trials.pose, run.trials.pose, atol=1e-6)
