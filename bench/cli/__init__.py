@@ -1,4 +1,5 @@
-"""The command line: `main` is the command `bench`, `app` holds its verbs, and each verb has a file `cmd_*`.
+"""The command line: `main` is the command `bench`, `app` lists its verbs, and each file `cmd_*` has those
+of one subject.
 
 Lives here: what a user types, and how a command ends. Does not live here: anything that computes; a verb calls
 the rest of `tactsim`, which it imports when it runs, so that `bench --help` answers at once.

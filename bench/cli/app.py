@@ -10,7 +10,6 @@ import traceback
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib import import_module
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -23,25 +22,30 @@ from tactsim.core.errors import InputError, printable, short, unknown, was_inter
 
 FAILED, WRONG_INPUT = 1, 2
 
-# All verbs, as `bench --help` groups them.
+# All verbs, as `bench --help` groups them, and of each its file `cmd_*`.
 GROUPS = {
-    "Recognise": ("run", "scan", "sweep", "report", "table", "compare", "bound", "fit"),
-    "Data": ("export", "import", "data", "align"),
-    "Tasks and the leaderboard": ("tasks", "submit", "verify", "leaderboard"),
-    "A pad": (
-        "devices", "probe", "tare", "template", "record", "replay", "emulate", "watch", "live", "validate",
-    ),
-    "Look up and extend": ("list", "new", "stress"),
+    "Recognise": {
+        "run": "run", "scan": "scan", "sweep": "results", "report": "results", "table": "results",
+        "compare": "results", "bound": "limits", "fit": "limits",
+    },
+    "Data": {"export": "data", "import": "data", "data": "data", "align": "data"},
+    "Tasks and the leaderboard": {
+        "tasks": "tasks", "submit": "tasks", "verify": "tasks", "leaderboard": "tasks",
+    },
+    "A pad": {
+        "devices": "devices", "probe": "devices", "tare": "devices", "template": "record", "record": "record",
+        "replay": "replay", "emulate": "emulate", "watch": "live", "live": "live", "validate": "validate",
+    },
+    "Look up and extend": {"list": "list", "new": "list", "stress": "limits"},
 }  # fmt: skip
-VERBS = tuple(chain.from_iterable(GROUPS.values()))
+VERBS = {verb: f"cmd_{place}" for group in GROUPS.values() for verb, place in group.items()}
 
 
 def said_of(verb: str) -> str:
     """Read from a verb's file the first line of its docstring: importing all verbs would take longer."""
-    text = Path(__file__).with_name(f"cmd_{verb}.py").read_text(encoding="utf-8")
-    return (
-        text.partition("\ndef command(")[2].partition('\n    """')[2].partition("\n")[0].removesuffix('"""')
-    )
+    text = Path(__file__).with_name(f"{VERBS[verb]}.py").read_text(encoding="utf-8")
+    of_verb = text.partition(f"\ndef command_{verb}(")[2].partition('\n    """')[2]
+    return of_verb.partition("\n")[0].removesuffix('"""')
 
 
 class _Carried(Exception):
@@ -84,7 +88,7 @@ class _Verbs(TyperGroup):
 def load(name: str) -> TyperCommand:
     """Import one of `VERBS`, with its options."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(import_module(f"tactsim.bench.cli.cmd_{name}").command)
+    alone.command(name)(getattr(import_module(f"tactsim.bench.cli.{VERBS[name]}"), f"command_{name}"))
     made = typer.main.get_command(alone)
     assert isinstance(made, TyperCommand)
     return made

@@ -9,7 +9,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.cli.shared_options import refuse_typed
 from tactsim.bench.config import whole_number
 from tactsim.core.errors import InputError
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tactsim.press import ScanOptions
 
 
-def command(
+def command_emulate(
     context: typer.Context,
     port: Annotated[
         str, typer.Option(help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT.")

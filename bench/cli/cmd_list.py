@@ -1,14 +1,15 @@
-"""`bench list`: list estimators, letters, solids, worlds, metrics, suites and formats."""
+"""`bench list` and `new`: what there is to choose from, and the repository of one more."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tactsim.bench.cli.words import dotted
+from tactsim.bench.cli.shared_options import dotted
 from tactsim.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
@@ -21,10 +22,11 @@ _MORE = {
     "solids": "objects in space, of bench run --task solids; all that can be set: bench list solid-options",
     "formats": "of bench export; each is an extra, as in: pip install 'tactsim[parquet]'",
 }
+
 Row = tuple[str, str, str]  # a name, its default or status, what it is
 
 
-def command(
+def command_list(
     what: Annotated[
         str | None,
         typer.Argument(
@@ -188,3 +190,22 @@ def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
         else:
             rows.append((f"{prefix}{name}", str(default), field.description or ""))
     return rows
+
+
+def command_new(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="What to make: estimator or source.")],
+    name: Annotated[str, typer.Argument(help="Its name: lower-case words with hyphens between them.")],
+    out: Annotated[
+        Path | None, typer.Option(help="A new folder. Default: one called as the repository.")
+    ] = None,
+) -> None:
+    """Make a repository of your own for an estimator or a source, with its tests and its workflow."""
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.new import make
+
+    folder = make(kind, name, out)
+    console = plain_console()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            console.print(str(path))
+    console.print(f"{folder / 'README.md'} says how to go on")

@@ -1,4 +1,4 @@
-"""`bench live`: recognition while somebody presses; of a real pad or a simulated object."""
+"""`bench watch` and `live`: a pad on the screen, and what it recognises as it touches."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from tactsim.bench.cli import guide_options as guiding
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.device import Device
 
 
-def command(
+def command_live(
     context: typer.Context,
     port: Annotated[
         list[str],
@@ -57,7 +56,7 @@ def command(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: guiding.Seen = "behind",
+    seen: pads.Seen = "behind",
     seed: shared.Seed = 0,
     as_json: Annotated[
         bool,
@@ -133,3 +132,42 @@ def _training(path: Path | None, device: Device, shapes: Sequence[Path], progres
         return load_scan(path)
     options = on_pad_of(device, ScanOptions(shapes=tuple(map(str, shapes))))
     return scan_letters(options, progress=lambda done, total: progress("press", done, total))[0]
+
+
+def command_watch(
+    context: typer.Context,
+    port: pads.Port,
+    device: pads.DeviceName = "emulated",
+    calibration: pads.CalibrationFile = None,
+    web: pads.Web = False,
+    web_port: pads.WebPort = 8737,
+    seen: pads.Seen = "behind",
+    seconds: Annotated[
+        float | None, shared.number("For how long. Default: till q, Ctrl-C or a recording's end.", least=0)
+    ] = None,
+) -> None:
+    """Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare."""
+    from contextlib import nullcontext
+
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.watching.pad_view import PadReader
+    from tactsim.bench.watching.watch_screen import watch
+    from tactsim.bench.watching.web import WebPage
+    from tactsim.hardware.sources import open_source
+
+    pads.refuse_without_page(context, web)
+    described, correction = pads.load(device, calibration)
+    console = plain_console()
+    with open_source(port, described) as opened:
+        source, played = pads.played(opened, described)
+        reader = PadReader(source, played, " ".join(port), correction)
+        page = WebPage(reader, web_port, from_behind=seen == "behind") if web else None
+        with reader, page or nullcontext():
+            watch(
+                reader,
+                console,
+                from_behind=seen == "behind",
+                seconds=seconds,
+                page=None if page is None else page.url,
+            )
+        reader.check()

@@ -1,4 +1,4 @@
-"""`bench record`: record a letter press by press, or all that a pad says."""
+"""`bench record` and `template`: keep what a pad sends, and sheets that say where to press."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tactsim.bench.cli import guide_options as guide
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.cli.shared_options import refuse_typed
 from tactsim.bench.config import whole_number
 from tactsim.core.errors import InputError
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.session import Plan
 
 
-def command(
+def command_record(
     context: typer.Context,
     port: pads.Port,
     out: Annotated[
@@ -43,10 +42,10 @@ def command(
             help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
         ),
     ] = "grid",
-    frames: guide.Frames = 20,
-    force: guide.Force = "0.3:20",
-    patience: guide.Patience = None,
-    seen: guide.Seen = "behind",
+    frames: pads.Frames = 20,
+    force: pads.Force = "0.3:20",
+    patience: pads.Patience = None,
+    seen: pads.Seen = "behind",
     seconds: Annotated[
         float | None, shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1)
     ] = None,
@@ -69,7 +68,7 @@ def command(
     from tactsim.core.checking import checked
     from tactsim.hardware.session import Plan
 
-    settings = guide.plan_settings(port, described, correction, frames, force, patience)
+    settings = pads.plan_settings(port, described, correction, frames, force, patience)
     plan = {"label": letter, "split": split, "poses": _poses(poses, seed, described.pad, letter)} | settings
     _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen)
 
@@ -81,7 +80,7 @@ def _record_session(
     calibration: Calibration | None,
     plan: Plan,
     resume: bool,
-    seen: guide.Side,
+    seen: pads.Side,
 ) -> None:
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad.guided import record
@@ -92,7 +91,7 @@ def _record_session(
 
     check_new_file(out)
     journal, console = out.with_suffix(SUFFIX), plain_console()
-    sitting = record(guide.station(port, device, calibration, seen, console), plan, journal, resume=resume)
+    sitting = record(pads.station(port, device, calibration, seen, console), plan, journal, resume=resume)
     console.print(pads.counters_line(sitting.counters))
     if not sitting.done:
         console.print(
@@ -180,3 +179,35 @@ def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]
             f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"
         )
     return [tuple(pose) for pose in poses.tolist()]
+
+
+def command_template(
+    out: Annotated[Path, typer.Option(help="The file to write, .pdf.")],
+    letters: Annotated[str, typer.Option(help="Which letters: AEIOU, A-Z0-9, A,E,I.")] = "AEIOU",
+    shape: Annotated[
+        list[Path] | None, typer.Option(help="A shape of your own beside the letters; repeat for several.")
+    ] = None,
+    device: pads.DeviceName = "emulated",
+    seen: pads.Seen = "behind",
+    paper: Annotated[str, typer.Option(help="The paper: a4 or letter.")] = "a4",
+) -> None:
+    """Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan."""
+    from tactsim.bench.config import scan_options
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
+    from tactsim.bench.places import check_new_file
+    from tactsim.core.errors import InputError
+    from tactsim.core.files import write_bytes
+    from tactsim.hardware.device import load_device
+    from tactsim.press.scanning import letters_of
+
+    if paper not in PAPERS:
+        raise InputError(f"--paper {paper!r}: say {' or '.join(PAPERS)}")
+    check_new_file(out, picture=".pdf")
+    sheets = Sheets(paper, load_device(device).pad, seen == "behind")
+    pressed = letters_of(scan_options(letters=letters, shapes=shape or ()))
+    write_bytes(out, as_pdf(draw_sheets(pressed, sheets)))
+    plain_console().print(
+        f"{1 + len(pressed)} pages in {out}: the pad's sheet, then {' '.join(letter.name for letter in pressed)}; "
+        "print at 100 % and check the rulers"
+    )

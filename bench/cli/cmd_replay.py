@@ -9,7 +9,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.cli.shared_options import refuse_typed
 from tactsim.bench.config import whole_number
 from tactsim.core.errors import InputError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tactsim.core.source import Source
 
 
-def command(
+def command_replay(
     context: typer.Context,
     recordings: Annotated[
         list[Path], typer.Argument(help="Recordings (.tactrec), or one as a table of text (.csv).")

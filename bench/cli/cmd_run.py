@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tactsim.bench import kinds
-from tactsim.bench.cli import guide_options as guide
+from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import Words, is_typed, refuse_typed, with_options_of
+from tactsim.bench.cli.shared_options import Words, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import RunConfig, any_config, run_config
 from tactsim.core.errors import InputError, counted, unknown
 
@@ -24,7 +24,7 @@ _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
 
 
 @with_options_of(RunConfig)
-def command(
+def command_run(
     words: Words,
     context: typer.Context,
     objects: shared.Objects = None,
@@ -49,16 +49,16 @@ def command(
         typer.Option(
             help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
             "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
-            rich_help_panel=guide.PANEL,
+            rich_help_panel=pads.PANEL,
         ),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="Calibration file of `bench tare`.", rich_help_panel=guide.PANEL)
+        Path | None, typer.Option(help="Calibration file of `bench tare`.", rich_help_panel=pads.PANEL)
     ] = None,
-    frames: guide.Frames = 20,
-    force: guide.Force = "0.3:20",
-    patience: guide.Patience = None,
-    seen: guide.Seen = "behind",
+    frames: pads.Frames = 20,
+    force: pads.Force = "0.3:20",
+    patience: pads.Patience = None,
+    seen: pads.Seen = "behind",
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.console import kept_clear, plain_console
@@ -96,8 +96,8 @@ def command(
         if config.presses is None:
             config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
         described, correction = pads.load(device, calibration)
-        settings = guide.plan_settings(port, described, correction, frames, force, patience)
-        station = guide.station(port, described, correction, seen, plain_console(stderr=as_json))
+        settings = pads.plan_settings(port, described, correction, frames, force, patience)
+        station = pads.station(port, described, correction, seen, plain_console(stderr=as_json))
         if not _measured(config, station, settings):
             return
     if config.shapes and isinstance(config, RunConfig):

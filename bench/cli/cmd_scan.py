@@ -9,12 +9,12 @@ import typer
 
 from tactsim.bench import kinds
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import Words, dotted, is_typed, refuse_typed, with_options_of
+from tactsim.bench.cli.shared_options import Words, dotted, is_typed, refuse_typed, with_options_of
 from tactsim.bench.config import ScanWords, scan_options, slip_of_world
 
 
 @with_options_of(ScanWords)
-def command(
+def command_scan(
     words: Words,
     context: typer.Context,
     out: Annotated[Path, typer.Option(help="The file to write, .npz.")],

@@ -1,13 +1,14 @@
-"""`bench tasks`: list the frozen tasks, show one whole, and hash the data that this machine presses for it."""
+"""`bench tasks`, `submit`, `verify` and `leaderboard`: frozen questions, and who answers them how well."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.words import dotted
+from tactsim.bench.cli.shared_options import dotted
 from tactsim.core.errors import InputError, counted
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from tactsim.bench.tasks import Task
 
 
-def command(
+def command_tasks(
     name: Annotated[
         str | None, typer.Argument(metavar="NAME|FILE.toml", help="Only this task, whole.")
     ] = None,
@@ -136,3 +137,182 @@ def _print_hashes(one: Task, hashes: list[str]) -> None:
         console.print(
             f"{differ} of {len(hashes)} differ from what the task states" if differ else "as the task states"
         )
+
+
+def command_submit(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="A frozen task; `bench tasks` names them all.")],
+    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")],
+    out: Annotated[Path, typer.Option(help="The bundle, a file that is to be written.")],
+    options: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="An option of the estimator, key=value; repeat for several."),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(help="How tables call the method. Default: its name and options.")
+    ] = None,
+    reproducible: Annotated[
+        bool,
+        typer.Option(
+            "--reproducible/--not-reproducible",
+            help="Whether the same seeds give the same answers to the bit.",
+        ),
+    ] = True,
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
+    from tactsim.bench.config import key_values
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, figures_of, write_bundle
+    from tactsim.bench.leaderboard.submit import Method, submit
+    from tactsim.bench.places import check_new_file, saved
+    from tactsim.bench.results import to_json
+    from tactsim.bench.tasks import task as read_task
+    from tactsim.bench.terminal import progress_bars
+
+    check_new_file(out, Path(task), suffix=SUFFIX)
+    method = Method(estimator, key_values(options or [], "--set"))
+    with progress_bars() as progress:
+        bundle, output = submit(
+            task, method, title=title, reproducible=reproducible, jobs=jobs, cache=cache, progress=progress
+        )
+    done = bundle.status == DONE
+    scored = figures_of(bundle, read_task(task).scored) if done else {}
+
+    def save() -> Path:
+        write_bundle(bundle, out)
+        return out
+
+    with saved(save) as place:
+        if output:
+            plain_console(stderr=True).print(output)
+        if as_json:
+            said = {"task": bundle.task, "method": bundle.method, "status": bundle.status, "figures": scored}
+            typer.echo(to_json(said | {"bundle": place and str(place)}), nl=False)
+        else:
+            console = plain_console()
+            console.print(f"{bundle.method} on {bundle.task}", style="bold")
+            for figure, value in scored.items():
+                console.print(f"{figure}  {'-' if value is None else f'{value:.4g}'}")
+            console.print(f"status  {bundle.status}")
+            if place is not None:
+                console.print(f"bundle  {place}")
+    if not done:
+        raise typer.Exit(1)
+
+
+def command_verify(
+    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="A file that `bench submit` wrote.")],
+    full: Annotated[bool, typer.Option("--full", help="Do all trials again.")] = False,
+    share: Annotated[
+        float,
+        shared.number("The share of the trials that is done again, at least 20 trials.", least=0, most=1),
+    ] = 0.05,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Seed of which trials are done again. Default: a new one each time."),
+    ] = None,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh", help="Also do one more run, with a seed that nobody could have prepared for."
+        ),
+    ] = False,
+    record: Annotated[
+        bool,
+        typer.Option("--record", help="Write what was found beside the bundle, for `bench leaderboard`."),
+    ] = False,
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+) -> None:
+    """Do some trials of a bundle again and compare them; exit status 1 if it cannot be confirmed."""
+    import secrets
+    from datetime import UTC, datetime
+
+    import numpy as np
+
+    from tactsim.bench.console import plain_console
+    from tactsim.bench.leaderboard.bundle import Record, bundle_hash, read_bundle, write_record
+    from tactsim.bench.leaderboard.verify import verify
+    from tactsim.bench.places import saved
+    from tactsim.bench.terminal import progress_bars
+    from tactsim.core.errors import InputError, printable
+    from tactsim.core.source_digest import git_commit
+
+    read = read_bundle(bundle)
+    chosen = secrets.randbelow(2**32) if seed is None else seed
+    try:
+        with progress_bars() as progress:
+            verdict = verify(
+                read,
+                share=share,
+                full=full,
+                fresh=fresh,
+                rng=np.random.default_rng(chosen),
+                jobs=jobs,
+                cache=cache,
+                progress=progress,
+            )
+    except InputError as error:
+        raise InputError(f"bundle {bundle}: {error}") from error
+
+    def save() -> Path:
+        made = Record(
+            bundle=bundle_hash(bundle),
+            verified=verdict.verified,
+            said=printable(verdict.said),
+            again=verdict.again,
+            trials=verdict.trials,
+            seed=None if full else chosen,
+            commit=git_commit(),
+            made=datetime.now(UTC).isoformat(timespec="seconds"),
+        )
+        return write_record(made, bundle)
+
+    # What other code does not confirm is not refuted.
+    counts = verdict.verified or not verdict.other_code
+    with saved(save if record and counts else None) as place:
+        console = plain_console()
+        console.print(f"{read.method} on {read.task}", style="bold")
+        for note in verdict.notes:
+            console.print(f"note      {note}")
+        if verdict.again:
+            again = f"{verdict.again} of {verdict.trials} trials"
+            console.print(f"again     {again}" + ("" if full else f", chosen with --seed {chosen}"))
+        console.print(f"{'verified' if verdict.verified else 'NOT VERIFIED'}  {verdict.said}")
+        if place is not None:
+            console.print(f"record    {place}")
+    if not verdict.verified:
+        raise typer.Exit(1)
+
+
+def command_leaderboard(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of bundles (*.tar.xz).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SITE",
+            help="The site's folder; a site that stands there is replaced. Default: site in FOLDER.",
+        ),
+    ] = None,
+) -> None:
+    """Rank the methods of a folder of bundles, task by task, and write a page of them."""
+    from tactsim.bench.cli.app import FAILED
+    from tactsim.bench.leaderboard.site import check_out, write_site
+    from tactsim.bench.leaderboard.standings import read_folder
+    from tactsim.bench.terminal import progress_bars
+    from tactsim.core.errors import InputError, printable
+
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; name one of bundles")
+    target = out or folder / "site"
+    check_out(target)
+    with progress_bars() as progress:
+        found = read_folder(folder, progress=progress)
+    write_site(found, target)
+    typer.echo(printable(f"site  {target / 'index.html'}"))
+    for path, why in found.unreadable:
+        typer.echo(printable(f"unreadable  {path.name}: {why}"), err=True)
+    if found.unreadable:
+        raise typer.Exit(FAILED)

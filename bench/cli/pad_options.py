@@ -1,15 +1,20 @@
-"""Options that the verbs of the real pad share: which port, which device, which calibration."""
+"""Options that the verbs of the real pad share: which port, device and calibration, and how a person presses."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from tactsim.bench.cli.words import refuse_typed
+from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.shared_options import refuse_typed
+from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tactsim.bench.pad.guided import Station
     from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
@@ -21,6 +26,7 @@ Port = Annotated[
         "Repeat for a pad on several ports, in their order."
     ),
 ]
+
 DeviceName = Annotated[
     str,
     typer.Option(
@@ -30,10 +36,13 @@ DeviceName = Annotated[
         "file of its measures will do.",
     ),
 ]
+
 CalibrationFile = Annotated[
     Path | None, typer.Option("--calibration", help="Calibration file of `bench tare`.")
 ]
+
 Web = Annotated[bool, typer.Option("--web", help="Show it also as a page on localhost.")]
+
 WebPort = Annotated[
     int, typer.Option(min=0, max=65535, help="The port of that page; 0 takes any that is free.")
 ]
@@ -87,3 +96,84 @@ def counters_line(counters: dict[str, int]) -> str:
     from tactsim.core.counters import counter_words
 
     return ", ".join(f"{counter_words(name)} {count:,}" for name, count in counters.items() if count)
+
+
+PANEL = "On a real pad"
+
+Side: TypeAlias = Literal["behind", "front"]
+
+Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
+
+Force = Annotated[
+    str, typer.Option(help="Least and most force of a press on the taxels, N.", rich_help_panel=PANEL)
+]
+
+Patience = Annotated[
+    float | None,
+    shared.number(
+        "Seconds after which a press is taken as it is, for a machine that presses.", rich_help_panel=PANEL
+    ),
+]
+
+Seen = Annotated[
+    Side,
+    typer.Option(
+        help="behind: you see the object's back as you press it; front: the pad is pressed on it.",
+        rich_help_panel=PANEL,
+    ),
+]
+
+
+def plan_settings(
+    ports: list[str],
+    device: Device,
+    calibration: Calibration | None,
+    frames: int,
+    force: str,
+    patience: float | None,
+) -> dict[str, Any]:
+    """Give the fields of a session's plan that options and pad decide; a simulated hand has its own.
+
+    Raises InputError for another simulated pad: a session would wait without end for its letter to be lifted.
+    """
+    from tactsim.bench.pad import simulated_hand
+    from tactsim.bench.pad.simulated_hand import touch_above
+
+    if ports != [simulated_hand.PLACE] and any(port.startswith("simulated:") for port in ports):
+        raise InputError(
+            f"--port {' '.join(ports)}: a letter that lies on the simulated pad is never lifted, so no press begins; "
+            f"say {simulated_hand.PLACE}"
+        )
+
+    least, most = _force(force)
+    noise = 0.0 if calibration is None else max(calibration.noise)
+    settings = {
+        "frames": frames, "touch_kpa": max(device.touch_kpa, touch_above(noise)), "least_force": least,
+        "most_force": most, "patience": patience,
+    }  # fmt: skip
+    if ports == [simulated_hand.PLACE]:
+        settings |= simulated_hand.settings() | ({} if patience is None else {"patience": patience})
+    return settings
+
+
+def station(
+    ports: list[str], device: Device, calibration: Calibration | None, seen: Side, console: Console
+) -> Station:
+    """Describe where a person presses."""
+    from tactsim.bench.pad.guided import Station
+
+    return Station(
+        ports,
+        device,
+        calibration,
+        lambda plan: segment(device, ports, calibration, plan=plan.model_dump(mode="json")),
+        seen == "behind",
+        console,
+    )
+
+
+def _force(text: str) -> tuple[float, float]:
+    least, most = (shared.finite_number(word) for word in text.partition(":")[::2])
+    if least is None or most is None:
+        raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5")
+    return least, most

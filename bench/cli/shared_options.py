@@ -1,16 +1,20 @@
-"""Options that several verbs share, and how a verb takes a number."""
+"""Options that verbs share, and options made from the fields of a configuration: names, types, defaults, help texts."""
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 import typer
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
+from tactsim.bench.config import flags_of, flat, key_values
 from tactsim.core.errors import InputError, short
 
 if TYPE_CHECKING:
@@ -64,15 +68,20 @@ ScanSet = Annotated[
         "--scan-set", help="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them."
     ),
 ]
+
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on their number.")]
+
 Cache = Annotated[
     bool,
     typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),
 ]
+
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")
 ]
+
 Zero = Annotated[
     str,
     typer.Option(
@@ -80,6 +89,7 @@ Zero = Annotated[
         "readings, or off."
     ),
 ]
+
 IdleFile = Annotated[
     Path | None,
     typer.Option(
@@ -87,6 +97,7 @@ IdleFile = Annotated[
         help="Readings of the untouched pad instead: a recording, a table with a column a taxel, or a .npy file.",
     ),
 ]
+
 Shapes = Annotated[
     list[Path] | None,
     typer.Option(
@@ -95,15 +106,18 @@ Shapes = Annotated[
         "placement errors; repeat for several.",
     ),
 ]
+
 Licence = Annotated[
     str | None,
     typer.Option(help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own."),
 ]
 # Of objects in space, which `bench run` and `bench scan` have with --task solids.
 SOLIDS_PANEL = "Objects in space (--task solids)"
+
 OUTSIDE = (
     "is for objects in space; add --task solids, or leave it out"  # of an option, where the task is another
 )
+
 Objects = Annotated[
     str | None,
     typer.Option(
@@ -111,7 +125,9 @@ Objects = Annotated[
         rich_help_panel=SOLIDS_PANEL,
     ),
 ]
+
 Touches = Annotated[int | None, typer.Option(help="Touches a trial (20).", rich_help_panel=SOLIDS_PANEL)]
+
 Hand = Annotated[
     Path | None,
     typer.Option(
@@ -161,3 +177,73 @@ def window(text: str) -> tuple[int, int]:
     if rows is None or columns is None:
         raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
     return rows, columns
+
+
+Words = Mapping[str, Any]
+
+
+def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a verb, whose first parameter is `words`, take the model's fields as options before its own.
+
+    Options that the user did not type are left out of `words`, so that the model's defaults hold.
+    """
+    # A model's own fields come before those that it inherits.
+    names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
+    fields = {name: model.model_fields[name] for name in names if flags_of(name, model.model_fields[name])}
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        def command(**typed: Any) -> None:
+            words = {name: typed.pop(name) for name in fields}
+            words = {name: value for name, value in words.items() if value is not None}
+            for name, field in fields.items():
+                if name in words and get_origin(field.annotation) is dict:
+                    words[name] = key_values(words[name], flags_of(name, field)[0])
+            verb(words, **typed)
+
+        own = [
+            parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            for parameter in list(inspect.signature(verb, eval_str=True).parameters.values())[1:]
+        ]
+        options = [_parameter(name, field) for name, field in fields.items()]
+        command.__signature__ = inspect.Signature([*options, *own])  # type: ignore[attr-defined]
+        command.__doc__ = verb.__doc__
+        return command
+
+    return decorate
+
+
+def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
+    """Make a field's option: it takes a count, a path, a list if it repeats, or else a text."""
+    default = field.default if isinstance(field.default, str | int) else None
+    option = typer.Option(*flags_of(name, field), help=field.description, show_default=default is not None)
+    kind: Any = field.annotation
+    if kind == tuple[Path, ...]:
+        kind = list[Path] | None
+    elif get_origin(kind) is dict:
+        kind = list[str] | None
+    elif kind not in (bool, int, int | None, Path | None):
+        kind = str | None
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, option]
+    )
+
+
+def is_typed(context: typer.Context, name: str) -> bool:
+    """Tell whether the user typed an option, rather than leave it at its default."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name != "DEFAULT"
+
+
+def refuse_typed(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Raise InputError for the first of these options that the user typed: it would mean nothing.
+
+    why: what it is for, as the end of a sentence that begins with the option.
+    """
+    for name in names:
+        if is_typed(context, name):
+            raise InputError(f"--{name.replace('_', '-')} {why}")
+
+
+def dotted(values: Mapping[str, Any]) -> list[str]:
+    """Write nested settings as dotted name=value words, as they can be typed."""
+    return [f"{name}={'none' if value is None else value}" for name, value in flat(values).items()]

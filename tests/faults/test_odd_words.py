@@ -69,9 +69,9 @@ def test_an_odd_word_is_refused_in_one_line(words, tmp_path, monkeypatch, capsys
     ("verb", "name"),
     [
         (verb, f"--{name}")
-        for verb in VERBS
+        for verb, file in VERBS.items()
         for name, option in inspect.signature(
-            import_module(f"tactsim.bench.cli.cmd_{verb}").command, eval_str=True
+            getattr(import_module(f"tactsim.bench.cli.{file}"), f"command_{verb}"), eval_str=True
         ).parameters.items()
         if "float" in str(option.annotation)
     ],

@@ -1,16 +1,71 @@
-"""`bench fit`: choose what depends on unit, pitch and response from the training readings, and say why."""
+"""`bench bound`, `fit` and `stress`: how good an estimator can be, what it has learned, and where it breaks."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.cli.shared_options import Words, key_values, with_options_of
+from tactsim.bench.config import ScanWords, run_config
 
 if TYPE_CHECKING:
+    from tactsim.bench.stress import Outcome
     from tactsim.core import Scan
+
+
+@with_options_of(ScanWords)
+def command_bound(
+    words: Words,
+    trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
+    readings: Annotated[int, typer.Option(min=1, help="Readings a trial, without replacement.")] = 20,
+    scan: Annotated[
+        Path | None, typer.Option(help="Readings from a file of `bench scan` instead of the press.")
+    ] = None,
+    slip: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="How the object moves between touches, a random walk: walk_mm=0.5, walk_rad=0.03.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+    out: Annotated[Path | None, typer.Option(help="Also draw a picture: the file to write, .png.")] = None,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
+    from functools import partial
+
+    from tactsim.bench.bound.bound import find_bound
+    from tactsim.bench.places import check_new_file, saved
+    from tactsim.bench.results import to_json
+    from tactsim.bench.terminal import print_bound, progress_bars
+    from tactsim.core.files import write_bytes
+
+    if out is not None:
+        check_new_file(out, picture=".png")
+    given = {} if scan is None else {"scan": scan}
+    moving = {} if slip is None else {"slip": key_values(slip, "--slip")}
+    config = run_config(**words, **given, **moving, trials=trials, readings=readings)
+    with progress_bars() as progress:
+        found = find_bound(config, jobs=jobs, cache=cache, progress=progress)
+
+    def save(picture: Path) -> Path:
+        write_bytes(picture, found.plot().png())
+        return picture
+
+    with saved(None if out is None else partial(save, out)) as place:
+        if as_json:
+            typer.echo(to_json(found.as_json()), nl=False)
+            return
+        print_bound(found)
+        if place is not None:
+            typer.echo(f"picture  {place}")
+
 
 _WHAT = {
     "threshold": "T of eq. 3, in the scan's unit",
@@ -21,7 +76,7 @@ _WHAT = {
 }
 
 
-def command(
+def command_fit(
     scan: Annotated[
         Path, typer.Argument(metavar="SCAN", help="The scan, .npz; its training readings count.")
     ],
@@ -122,3 +177,49 @@ def _world(scan: Scan, exponent: float, typical: float) -> dict[str, Any]:
         sensor = {"response": 1 / exponent, "response_pressure": typical}
     pad = scan.about["pad"]
     return ({"pad": {k: v for k, v in pad.items() if v is not None}} if pad else {}) | {"sensor": sensor}
+
+
+def command_stress(
+    case: Annotated[list[str] | None, typer.Option(help="Only this case; repeat for several.")] = None,
+    tag: Annotated[
+        list[str] | None,
+        typer.Option(help="Only cases with this tag, a topic or 'quick'; repeat for several."),
+    ] = None,
+    as_json: shared.AsJson = False,
+) -> None:
+    """Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails."""
+    from tactsim.bench.machine import machine, versions
+    from tactsim.bench.results import to_json
+    from tactsim.bench.stress import chosen_cases, run_cases
+    from tactsim.bench.terminal import progress_bars
+
+    cases = chosen_cases(case or (), tag or ())
+    with progress_bars() as progress:
+        outcomes = run_cases(cases, progress)
+    failed = sum(not outcome.passed for outcome in outcomes)
+    if as_json:
+        said = {"cases": [outcome.as_json() for outcome in outcomes], "failed": failed}
+        typer.echo(to_json(said | {"versions": versions(), "machine": machine()}), nl=False)
+    else:
+        _print(outcomes)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _print(outcomes: Sequence[Outcome]) -> None:
+    """Print the table, then for every failed case where it failed and why its limit is what it is."""
+    from tactsim.bench.console import plain_console, plain_table
+    from tactsim.core.errors import counted
+
+    console = plain_console()
+    table = plain_table("case", "varied", "deviation", "worst", "limit", "verdict", words=3)
+    for outcome in outcomes:
+        case = outcome.case
+        limit = f"<= {case.limit:g}"
+        table.add_row(case.name, case.varied, case.deviation, f"{outcome.worst:.2g}", limit, outcome.verdict)
+    console.print(table)
+    failed = [outcome for outcome in outcomes if not outcome.passed]
+    for outcome in failed:
+        console.print(f"{outcome.case.name}: {outcome.at}; the limit: {outcome.case.because}")
+    seconds = sum(outcome.seconds for outcome in outcomes)
+    console.print(f"{counted(len(outcomes), 'case')} in {seconds:.0f} s, {len(failed) or 'none'} failed")
