@@ -222,7 +222,7 @@ class Plane(Kind):
         said: dict[str, Any] = {}
         bounds, no_bound = None, NO_BOUND
         if config.bound:
-            from tactsim.bench.bound.efficiency import bounds_of_trials
+            from tactsim.bench.cramer_rao import bounds_of_trials
 
             bounds, no_bound = bounds_of_trials(scan, trials, config.explore, config.moving)
         if (

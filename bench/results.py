@@ -45,7 +45,7 @@ class Run:
     what was done and skipped. trials: the raw result, an array a column. times: seconds of each stage and peak memory.
     plan: what is needed to do trials again. maps: what was learned of each object, such as its occupancy map. A
     loaded run has neither plan nor maps. bounds: (n, r) mm, the Cramer-Rao bound of each trial after each reading
-    (`tactsim.bench.bound`); None if it is not known. shape_files: of shapes of the user's own, in the plane; of a
+    (`tactsim.bench.cramer_rao`); None if it is not known. shape_files: of shapes of the user's own, in the plane; of a
     loaded run those that its folder keeps.
     """
 
@@ -94,7 +94,7 @@ class Run:
         if self.bounds is None:
             nothing = [None] * self.readings
             return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
-        from tactsim.bench.bound.efficiency import (
+        from tactsim.bench.cramer_rao import (
             bound_curves,  # a run without bounds does without their room
         )
 

@@ -494,14 +494,14 @@ HEADLINES: dict[str, Metric] = {
 
 
 def _bounded(scored: Scored, name: str) -> Curve:
-    from tactsim.bench.bound.efficiency import bound_curves  # most runs do without that room
+    from tactsim.bench.cramer_rao import bound_curves  # most runs do without that room
 
     nothing: list[float | None] = [None] * scored.trials.label.shape[1]
     return nothing if scored.bounds is None else bound_curves(scored.bounds, scored)[name]
 
 
 def _bound(scored: Scored, k: int) -> Figure:
-    from tactsim.bench.bound.efficiency import stated
+    from tactsim.bench.cramer_rao import stated
 
     if scored.bounds is None:
         return NOTHING
@@ -509,7 +509,7 @@ def _bound(scored: Scored, k: int) -> Figure:
 
 
 def _efficiency(scored: Scored, k: int) -> Figure:
-    from tactsim.bench.bound.efficiency import stated
+    from tactsim.bench.cramer_rao import stated
 
     if scored.bounds is None:
         return NOTHING

@@ -30,7 +30,7 @@ from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
-    from tactsim.bench.bound.bound import Bound
+    from tactsim.bench.exact_bayes import Bound
 
 STAGES = {
     "press": "pressing",

@@ -40,7 +40,7 @@ def command_bound(
     """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
     from functools import partial
 
-    from tactsim.bench.bound.bound import find_bound
+    from tactsim.bench.exact_bayes import find_bound
     from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars

@@ -69,8 +69,7 @@ def command_report(
 ) -> None:
     """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
     from tactsim.bench.places import RESULTS, check_new_file, check_page
-    from tactsim.bench.report.collect import check_folder
-    from tactsim.bench.report.write import write_report
+    from tactsim.bench.report.write import check_folder, write_report
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.errors import printable
 
@@ -119,7 +118,7 @@ def command_table(
     ] = None,
 ) -> None:
     """Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled."""
-    from tactsim.bench.report.collect import find
+    from tactsim.bench.report.write import find
     from tactsim.bench.results import load
     from tactsim.bench.runs import tables
     from tactsim.bench.runs.pooled import pool

@@ -49,7 +49,7 @@ def command_validate(
     from tactsim.bench.config import key_values
     from tactsim.bench.console import kept_clear
     from tactsim.bench.pad import validation
-    from tactsim.bench.pad.validation_picture import presses_figure
+    from tactsim.bench.pad.validation import presses_figure
     from tactsim.bench.placement import load_scan
     from tactsim.bench.places import check_new_folder, save_beside, saved
     from tactsim.bench.terminal import progress_bars

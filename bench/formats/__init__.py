@@ -121,3 +121,10 @@ def read(path: str | Path, name: str | None = None) -> Scan:
         raise InputError(f"cannot read {path} as {form.name}: {error}") from error
     assert isinstance(scan, Scan)
     return scan
+
+
+def is_of_a_run() -> InputError:
+    """Build the error for an export of a run where one of a scan is wanted."""
+    return InputError(
+        "it holds the trials of a run, which keeps its estimates, not its readings; give an export of a scan"
+    )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.columns import column
-from tactsim.bench.formats.scan_document import is_of_a_run
+from tactsim.bench.formats import is_of_a_run
 from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import parse_json

@@ -1,7 +1,9 @@
-"""Parquet in the layout of Hugging Face: one file for each split, a data card, and what else a scan holds as JSON."""
+"""Parquet in the layout of Hugging Face: a file for each split, a data card, and what else a scan holds as JSON."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -11,17 +13,20 @@ import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from tactsim.bench.formats.data_card import card_of_run, card_of_scan
-from tactsim.bench.formats.scan_document import document_of, is_of_a_run, parts_of
+from tactsim.bench.formats import is_of_a_run
 from tactsim.bench.results import Run, to_json
+from tactsim.bench.runs.tables import markdown_table
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import read_json
+from tactsim.core.errors import short
 from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
 from tactsim.core.scan import SPLITS, is_label
 
 _DOCUMENT, _OF_A_RUN = "scan.json", "run.json"
+
 _ROW_GROUP = 64 << 20  # bytes: what a reader of one row has to read
+
 Shapes = dict[str, tuple[tuple[int, ...], str]]  # of a row of each column, and its type
 
 
@@ -118,3 +123,114 @@ def _read(path: Path, shapes: Shapes) -> dict[str, NDArray[Any]]:
     except (pa.ArrowException, OSError, KeyError, IndexError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name} is no whole Parquet file: {' '.join(str(error).split())}") from error
     return read
+
+
+# Licences that Hugging Face knows by their SPDX names in small letters; there are more, which become "other".
+_CC = ("CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC0-1.0")
+
+_KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
+
+
+def card_of_scan(scan: Scan) -> str:
+    """Write the card of a scan in Parquet: splits, columns with their units, licence; `scan.json` says all else."""
+    about, taxels = scan.about, scan.readings.shape[1]
+    unit = about["units"]["readings"]
+    columns = [
+        ("column", "what it holds"),
+        ("row", "the number of the reading in the scan, from 0"),
+        ("label", "the object that was pressed"),
+        ("pose", "sensor_in_object: x mm, y mm, theta rad"),
+        ("readings", f"one value for each of {taxels} taxels, {unit}"),
+    ]
+    if scan.sequence_times is not None:
+        frames = len(scan.sequence_times)
+        columns += [
+            ("sequence", f"{frames} images of the press on its way to rest, {unit}"),
+            ("sequence_force", "the contact force at these times, N"),
+        ]
+    # Of readings under several licences no one licence can be named.
+    licences = {about["licence"], *([about["train"]["licence"]] if about["train"] else [])}
+    licence = licences.pop() if len(licences) == 1 else None
+    text = [
+        f"{len(scan):,} presses of a pad of {taxels} taxels against {len(scan.letters)} objects at known poses:",
+        "    " + " ".join(scan.letters),
+        markdown_table(columns).rstrip(),
+        "`scan.json` says where the taxels' centres lie (mm, in the frame of the sensor), which frames and units all "
+        "numbers have, and how the scan was made. `bench import FOLDER --out scan.npz` makes it of this folder again, "
+        "bit for bit.",
+        f"Licence: {licence or 'none is stated; ask the owner before you use the data'}.",
+    ]
+    splits = [split for split in SPLITS if np.any(scan.split == split)]
+    return _card("Tactile presses at known poses", licence, splits, text)
+
+
+def card_of_run(run: Run) -> str:
+    """Write the card of a run's trials in Parquet."""
+    text = [
+        f"What the estimator {run.described} said after each reading of "
+        f"{len(run.trials.truth):,} trials of {run.readings} readings: one row a trial and reading.",
+        "`truth`, `label`: the true and the estimated object. `x`, `y`, `theta`: the estimated robot_in_object, mm, "
+        "mm, rad; `true_x` and so on: the true one. `p_truth`, `p_label`: the probabilities given to the right and to "
+        "the estimated label. `update_s`, `estimate_s`, `propose_s`: seconds of processor time. "
+        f"`run.json` holds the configuration, the versions and the machine; the protocol is {run.protocol}.",
+    ]
+    return _card("Trials of recognition by touch", None, ["test"], text)
+
+
+def _card(title: str, licence: str | None, splits: Iterable[str], text: Iterable[str]) -> str:
+    """Put a card together: YAML (JSON is YAML) and paragraphs."""
+    known = licence in _KNOWN_LICENCES
+    head = {
+        "pretty_name": title,
+        "license": "unknown" if licence is None else licence.lower() if known else "other",
+        **({} if licence is None or known else {"license_name": licence}),
+        "task_categories": ["robotics"],
+        "tags": ["tactile", "touch", "tactsim"],
+        "configs": [
+            {
+                "config_name": "default",
+                "data_files": [{"split": split, "path": f"data/{split}-*"} for split in splits],
+            }
+        ],
+    }
+    lines = [f"{name}: {json.dumps(value, ensure_ascii=False)}" for name, value in head.items()]
+    return "\n".join(["---", *lines, "---", "", f"# {title}", "", "\n\n".join(text)]) + "\n"
+
+
+_VERSION = 1
+
+_AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1, "moments": 1, "views": 1}
+
+
+def document_of(scan: Scan) -> dict[str, Any]:
+    """Put all but the presses of a scan into a JSON object; `about` is for readers only."""
+    document: dict[str, Any] = {"tactsim_scan": _VERSION, "meta": dict(scan.meta), "about": scan.about}
+    for name in _AXES:
+        array = getattr(scan, name)
+        if array is not None:  # JSON has no NaN: null stands for a load that is not known
+            document[name] = [None if np.isnan(one).any() else one.tolist() for one in array]
+    return document
+
+
+def parts_of(document: dict[str, Any]) -> dict[str, Any]:
+    """Read the object back, as words for `Scan`. Raises InputError if it makes no sense."""
+    version = document.get("tactsim_scan")
+    if version != _VERSION:
+        raise InputError(f"it is of version {short(version)} of tactsim's scans; this reads {_VERSION}")
+    if not isinstance(document.get("meta"), dict):
+        raise InputError("its meta is no JSON object")
+    parts: dict[str, Any] = {"meta": document["meta"]}
+    for name, axes in _AXES.items():
+        values = document.get(name)
+        try:
+            array = (
+                None
+                if values is None
+                else np.array(values, dtype=None if name in ("presses", "views") else float)
+            )
+        except (TypeError, ValueError, OverflowError):
+            array = np.zeros(())
+        if (array is None and name == "taxel_xy") or (array is not None and array.ndim != axes):
+            raise InputError(f"its {name} are no numbers along {axes} axes")
+        parts[name] = array
+    return parts

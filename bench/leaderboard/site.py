@@ -21,7 +21,7 @@ from tactsim.bench.leaderboard.ranking import LEVEL, rank_words
 from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
-from tactsim.bench.report.pareto import frontier
+from tactsim.bench.report.curves import frontier
 from tactsim.bench.report.picture import look
 from tactsim.bench.runs.figures import as_bytes, plain_log
 from tactsim.bench.runs.pooled import cell

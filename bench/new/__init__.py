@@ -27,6 +27,7 @@ _SHARED = {
     "LICENSE": "shared/LICENSE.txt",
     ".gitignore": "shared/gitignore.txt",
     "pyproject.toml": "shared/pyproject.toml.txt",
+    "src/your_name/__init__.py": "shared/__init__.py.txt",
     ".github/workflows/test.yml": "shared/workflow.yml.txt",
 }
 # A line of a template that begins with #% is a statement of Jinja2, such as `if kind == "source"`.
@@ -44,7 +45,6 @@ FILES: Mapping[str, Mapping[str, str]] = {
     "estimator": _SHARED
     | {
         "README.md": "estimator/README.md.txt",
-        "src/your_name/__init__.py": "estimator/__init__.py.txt",
         "src/your_name/estimator.py": "estimator/estimator.py.txt",
         "tests/test_your_name.py": "estimator/test_estimator.py.txt",
     },
@@ -53,7 +53,6 @@ FILES: Mapping[str, Mapping[str, str]] = {
         "README.md": "source/README.md.txt",
         "pad.toml": "source/pad.toml.txt",
         "touches.csv": "source/touches.csv.txt",
-        "src/your_name/__init__.py": "source/__init__.py.txt",
         "src/your_name/source.py": "source/source.py.txt",
         "tests/test_your_name.py": "source/test_source.py.txt",
     },

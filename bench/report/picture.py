@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-from tactsim.bench.report.curves import axis_of_errors, below_bound
-from tactsim.bench.report.pareto import Point, machine_line, points
+from tactsim.bench.report.curves import Point, axis_of_errors, below_bound, machine_line, points
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.figures import as_bytes, plain_log
 from tactsim.bench.runs.pooled import Group

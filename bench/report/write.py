@@ -1,4 +1,4 @@
-"""Write a report: the page, the pictures and the curves beside it."""
+"""Write a report: find its runs, and make the page, the pictures and the curves beside it."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactsim.bench.bound.efficiency import bounds_of_trials
 from tactsim.bench.config import RunConfig
+from tactsim.bench.cramer_rao import bounds_of_trials
 from tactsim.bench.experiment import silent
 from tactsim.bench.places import check_page, is_report
 from tactsim.bench.plane import NO_BOUND
-from tactsim.bench.report.collect import find
-from tactsim.bench.report.curves import COLUMNS, tables
+from tactsim.bench.report.curves import COLUMNS, has_curves, tables
 from tactsim.bench.report.page import page
-from tactsim.bench.report.pareto import has_curves
 from tactsim.bench.report.recognition import readings_of, replay_all
-from tactsim.bench.results import Run, load
+from tactsim.bench.results import Run, load, sweep_order
 from tactsim.bench.runs.pooled import Group, collect
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
@@ -149,3 +147,44 @@ def _check_beside(out: Path, prefix: str, pictures: Sequence[Sequence[str]]) -> 
             raise InputError(
                 f"{place} is of no report and would be replaced; move it, or name another page, which names the rest"
             )
+
+
+def find(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """List the folders of runs: each path is one, or holds them, or is a sweep with runs/ below it.
+
+    Returns them, a sweep's in its own order, and a remark on every sweep that has not ended.
+    Raises InputError for a path that is none of these.
+    """
+    found: dict[Path, Path] = {}
+    remarks = []
+    for path in paths:
+        folders = _runs_of(path)
+        for folder in folders:
+            found.setdefault(folder.resolve(), folder)
+        if (path / "sweep.json").is_file():
+            asked = sweep_order(path)
+            if len(folders) < len(asked):
+                remarks.append(f"{path} has not ended: {len(folders)} of its {len(asked)} runs are there")
+    return list(found.values()), remarks
+
+
+def check_folder(path: Path) -> None:
+    """Raise InputError unless a folder stands at `path`, as of a run or a sweep."""
+    if not path.is_dir():
+        why = "it is no folder" if path.exists() else "there is no such folder"
+        raise InputError(f"{path}: {why}; name folders of runs or of a sweep")
+
+
+def _runs_of(path: Path) -> list[Path]:
+    if (path / "run.json").is_file():
+        return [path]
+    check_folder(path)
+    holder = path / "runs" if (path / "runs").is_dir() else path
+    # A name with a dot in front is a run that is being written.
+    inside = sorted(entry for entry in holder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+    if not any((folder / "run.json").is_file() for folder in inside):
+        raise InputError(f"{path} is neither the folder of a run nor of a sweep: no run.json there or below")
+    if (path / "sweep.json").is_file():
+        order = sweep_order(path)
+        inside.sort(key=lambda folder: order.get(folder.name, len(order)))
+    return inside

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from tactsim.bench.placement import placement_error, properties
-from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.case_data import (
+from tactsim.bench.stress.case import (
+    Worst,
     after,
+    case,
     draws,
     every_estimator,
     few,
@@ -19,6 +20,7 @@ from tactsim.bench.stress.case_data import (
     hidden,
     pressed,
     probabilities,
+    refused,
     see_sound,
 )
 from tactsim.bench.stress.likelihood_cases import (

@@ -7,8 +7,16 @@ import math
 import numpy as np
 
 from tactsim.bench.placement import Properties, certainty, fold_angle, placement_error
-from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.case_data import every_estimator, few, fitted, hidden, pressed, probabilities
+from tactsim.bench.stress.case import (
+    Worst,
+    case,
+    every_estimator,
+    few,
+    fitted,
+    hidden,
+    pressed,
+    probabilities,
+)
 from tactsim.core import compose, invert, transform, wrap_angle
 from tactsim.estimators.estimator import Estimate, PoseSamples
 

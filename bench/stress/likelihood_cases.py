@@ -7,8 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.case_data import fitted, hidden, pressed, probabilities
+from tactsim.bench.stress.case import Worst, case, fitted, hidden, pressed, probabilities, refused
 from tactsim.core import Pad, Scan, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import create

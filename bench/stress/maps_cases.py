@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactsim.bench.stress.case import Worst, case, refused
-from tactsim.bench.stress.case_data import (
+from tactsim.bench.stress.case import (
+    Worst,
     after,
+    case,
     draws,
     every_estimator,
     few,
@@ -18,6 +19,7 @@ from tactsim.bench.stress.case_data import (
     hidden,
     pressed,
     probabilities,
+    refused,
 )
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray

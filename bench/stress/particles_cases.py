@@ -1,4 +1,4 @@
-"""Particle filters: weights over hundreds of decades, resampling, the density's mode, and finding back."""
+"""Particles, objects that are none of these, and objects that move: odd weights, priors, readings and steps."""
 
 from __future__ import annotations
 
@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from tactsim.bench.stress.case import Worst, case
-from tactsim.bench.stress.case_data import (
+from tactsim.bench.stress.case import (
+    Worst,
     after,
+    case,
     draws,
     every_estimator,
+    few,
     fitted,
     flaw,
     hidden,
     pressed,
     probabilities,
+    see_sound,
 )
+from tactsim.core import compose, wrap_angle
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.particle_kernels import PARZEN_STEP, draw, parzen_mode
 from tactsim.estimators.registry import load
 
@@ -135,3 +140,49 @@ def same_seed(worst: Worst) -> None:
             answers.append([probabilities(got).tolist(), got.robot_in_object.tolist(), samples])
         worst.holds(answers[0] == answers[1], f"{name}: two runs of one seed differ")
         worst.holds(answers[0] != answers[2], f"{name}: two seeds agree")
+
+
+@case(
+    "none.odd-readings",
+    varied="prior of none 1e-12 to 1 - 1e-12; readings times 0 to 1e6, below 0, all alike",
+    deviation="sum of the probabilities from 1, after each of 5 readings",
+    limit=1e-9,
+    because="odds are kept in logs, and every variance has a floor",
+)
+def odd_readings(worst: Worst) -> None:
+    """Ask whether it is none of the letters, whatever is felt."""
+    scan = few(pressed("AEI"), 5)
+    readings, poses, _ = hidden(scan, "E", 5)
+    for unknown in (1e-12, 0.5, 1 - 1e-12):
+        estimator = fitted("refined", scan, bins=1000, unknown=unknown)
+        for what, felt in (
+            *((f"times {factor:g}", factor * readings) for factor in (0, 1e-3, 0.1, 10, 1e6)),
+            ("below 0", -readings),
+            ("all alike", np.full_like(readings, 40.0)),
+        ):
+            see_sound(worst, estimator, felt, poses, f"prior {unknown:g}, {what}")
+
+
+@case(
+    "motion.frames",
+    varied="placements all over the plane, steps of 1e-9 to 10 mm and rad",
+    deviation="mm between states and the same states turned into placements and back; or a step seen in another frame",
+    limit=1e-9,
+    because="a state and its placement are one pose and its inverse",
+)
+def frames(worst: Worst) -> None:
+    """Turn states into placements and back, and take a step of the object in the robot's frame."""
+    rng = np.random.default_rng(0)
+    motion = parse_motion("0.5,0.03")
+    assert motion is not None
+    state = rng.uniform(-20, 20, (3, 500))
+    state[2] = wrap_angle(state[2])
+    again = motion.state(motion.placed(state))
+    worst.see(np.abs(again[:2] - state[:2]), "there and back")
+    worst.see(np.abs(wrap_angle(again[2] - state[2])), "there and back")
+    for size in (1e-9, 1e-3, 10.0):
+        step = rng.standard_normal(3) * size
+        moved = motion.state(motion.placed(state) + step / [1, 1, motion.ratio])
+        # Placements T_O^R compose with states T_R^O to nothing, before the step and after.
+        nothing = compose((motion.placed(state) * [1, 1, motion.ratio]) + step, moved.T)
+        worst.see(np.abs(nothing[:, :2]), f"steps of {size}")

@@ -28,7 +28,7 @@ from tactsim.core.errors import InputError, printable
 
 HOST = "127.0.0.1"
 # The page looks like a report, and is made by the same small functions.
-_SCRIPTS = ("report/assets/base.js", "watching/assets/pad.js", "watching/assets/belief.js")
+_SCRIPTS = ("report/assets/base.js", "watching/assets/pad.js")
 _STYLES = ("report/assets/page.css", "watching/assets/watch.css")
 _COMMAND_HEADER = "X-Tactsim"
 _FASTEST_S = 1 / 60  # between two events, and more for a pad so large that they would fill the connection

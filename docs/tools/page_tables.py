@@ -22,7 +22,7 @@ from pathlib import Path
 from page_blocks import exit_status, fill_blocks, fill_page
 
 from tactsim.bench.places import SWEEPS
-from tactsim.bench.report.collect import find
+from tactsim.bench.report.write import find
 from tactsim.bench.results import Run, load
 from tactsim.bench.runs.pooled import Pooled, cell, pool
 from tactsim.bench.runs.tables import made_of, markdown_table, plain_rows

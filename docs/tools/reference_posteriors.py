@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from page_blocks import asked_for, exit_status, fill_blocks, fill_page
 
-from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions
+from tactsim.bench.exact_bayes import ExactBayes, ExactBayesOptions
 from tactsim.bench.placement import Properties, placement_error, properties
 from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.terminal import progress_bars

@@ -7,8 +7,8 @@ import pytest
 
 import tactsim
 from tactsim import models
-from tactsim.bench.bound import cramer_rao, pose_information, response
-from tactsim.bench.bound.scan_information import scan_bounds
+from tactsim.bench import cramer_rao
+from tactsim.bench.cramer_rao import scan_bounds
 from tactsim.bench.placement import Properties
 from tactsim.bench.score import errors
 from tactsim.core import InputError, compose
@@ -72,7 +72,7 @@ def test_the_bound_of_a_walk_that_turns_is_that_of_the_whole_path():
 
 def toy(rng, taxels=6, unknowns=2):
     """A press that is linear in everything: its posterior is Gaussian, and the bound is exact."""
-    return response.Response(
+    return cramer_rao.Response(
         mean=50 + rng.normal(size=(1, taxels)),
         by_pose=10 * rng.normal(size=(1, taxels, 3)),
         unknown=3 * rng.normal(size=(1, taxels, unknowns)),
@@ -82,7 +82,7 @@ def toy(rng, taxels=6, unknowns=2):
 def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
     rng = np.random.default_rng(0)
     model, sensor, pose = toy(rng), SensorOptions(noise=2.0, resolution=0.0), np.zeros((1, 3))
-    found = pose_information.pose_information(model, pose, sensor)[0]
+    found = cramer_rao.pose_information(model, pose, sensor)[0]
     covariance = 4 * np.eye(6) + model.unknown[0] @ model.unknown[0].T
     closed = model.by_pose[0].T @ np.linalg.inv(covariance) @ model.by_pose[0]
     np.testing.assert_allclose(found, closed, rtol=1e-9)
@@ -101,8 +101,8 @@ def test_slopes_of_a_press_are_those_of_its_readings():
         placement_mm=0.0, placement_rad=0.0, placement_tilt=0.0, press={"wrist_stiffness": None}
     )
     letter, pose = models.letter("E"), np.array([[3.0, -2.0, 0.4]])
-    answer = response.respond(letter, pose, options)
-    moves = pose_information.object_slopes(answer.by_pose, pose)[0]
+    answer = cramer_rao.respond(letter, pose, options)
+    moves = cramer_rao.object_slopes(answer.by_pose, pose)[0]
     step = 1e-3
     for axis in range(3):
         move = step * np.eye(3)[axis]
@@ -133,7 +133,7 @@ def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_
 )
 def test_a_sensor_that_is_no_reading_plus_noise_has_no_bound(changes, said):
     with pytest.raises(InputError, match=said):
-        response.noise_variance(tactsim.ScanOptions(**changes).sensor)
+        cramer_rao.noise_variance(tactsim.ScanOptions(**changes).sensor)
 
 
 def test_a_run_on_a_walk_has_its_bound_beside_it_and_other_motions_have_none(here):

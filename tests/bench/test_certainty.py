@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.bench.placement import Properties, certainty, covariance, placement_error
-from tactsim.bench.placement_kernels import radius
+from tactsim.bench.placement import Properties, certainty, covariance, placement_error, radius
 from tactsim.core import compose, invert
 from tactsim.estimators.estimator import Estimate, PoseSamples
 

@@ -8,7 +8,7 @@ import pytest
 import reference_posteriors as references
 
 import tactsim
-from tactsim.bench.bound.exact_bayes import ExactBayes, ExactBayesOptions, least_expected_error
+from tactsim.bench.exact_bayes import ExactBayes, ExactBayesOptions, least_expected_error
 from tactsim.bench.placement import Properties, placement_error, properties
 from tactsim.core import InputError, compose, invert
 from tactsim.press.press_model import forward_model

@@ -23,12 +23,17 @@ from tactsim.bench import results, score
 from tactsim.bench.config import run_config
 from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
-from tactsim.bench.report.collect import find
-from tactsim.bench.report.curves import axis_of_errors, below_bound, confusion_counts, reliability
+from tactsim.bench.report.curves import (
+    axis_of_errors,
+    below_bound,
+    confusion_counts,
+    frontier,
+    points,
+    reliability,
+)
 from tactsim.bench.report.page import page
-from tactsim.bench.report.pareto import frontier, points
 from tactsim.bench.report.picture import COLOURS, DARK_COLOURS, look, pareto_figure, readings_figure
-from tactsim.bench.report.write import write_pages, write_report
+from tactsim.bench.report.write import find, write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
 from tactsim.bench.runs.paper import in_figure
 from tactsim.bench.runs.pooled import collect, figure_of, pool

@@ -8,10 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from tactsim.bench.cli.app import app
-from tactsim.bench.placement_kernels import distances
+from tactsim.bench.placement import distances
 from tactsim.bench.stress import cases, chosen_cases, run_case
-from tactsim.bench.stress.case import case, refused
-from tactsim.bench.stress.case_data import fit_once
+from tactsim.bench.stress.case import case, fit_once, refused
 from tactsim.core import invert
 from tactsim.core.errors import InputError
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import tactsim.env
 from tactsim.bench import tasks
 from tactsim.core import InputError, compose, invert
-from tactsim.env.touch_spaces import say_action, touch_action
+from tactsim.env.touch_env import say_action, touch_action
 from tactsim.estimators import create
 
 IDS = [f"tactsim/{name}" for name in tasks.names() if tasks.task(name).pressed]
@@ -208,15 +208,15 @@ def shared(name):
 )
 def test_the_actions_that_are_made_are_in_the_space_and_say_what_was_asked(pose, label):
     labels = ("A", "B", "none")
-    space = tactsim.env.touch_spaces.action_space(labels)
+    space = tactsim.env.touch_env.action_space(labels)
     touch, say = touch_action(pose, labels, 12.0), say_action(label, labels)
     assert touch in space
     assert say in space
-    read, stops, _ = tactsim.env.touch_spaces.decoded(touch.astype(float), 12.0)
+    read, stops, _ = tactsim.env.touch_env.decoded(touch.astype(float), 12.0)
     assert not stops
     assert read[:2] == pytest.approx(pose[:2], abs=1e-5)
     assert np.cos(read[2] - pose[2]) == pytest.approx(1)
-    _, stops, said = tactsim.env.touch_spaces.decoded(say.astype(float), 12.0)
+    _, stops, said = tactsim.env.touch_env.decoded(say.astype(float), 12.0)
     assert stops
     assert labels[said] == label
 

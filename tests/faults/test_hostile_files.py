@@ -18,9 +18,9 @@ from tactsim.bench.compare import compare
 from tactsim.bench.config import run_config, scan_options
 from tactsim.bench.experiment import perform
 from tactsim.bench.placement import properties
-from tactsim.bench.report.collect import find
 from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
+from tactsim.bench.report.write import find
 from tactsim.bench.runs.pooled import collect
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError

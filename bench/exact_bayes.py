@@ -5,16 +5,27 @@ It knows how the readings were made, so no estimator is right more often but by 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from tactsim.bench.bound.response import noise_variance
-from tactsim.bench.bound.scan_information import pressed_letters, stated_options
+from tactsim.bench.config import RunConfig
+from tactsim.bench.cramer_rao import (
+    check_motion,
+    determined_below_mm,
+    noise_variance,
+    pressed_letters,
+    scan_bounds,
+    stated_options,
+)
+from tactsim.bench.experiment import perform, silent
 from tactsim.bench.placement import Properties, fold_angle, properties
+from tactsim.bench.results import Run
+from tactsim.bench.runs.figures import Picture, over_readings
+from tactsim.bench.trials import Progress
 from tactsim.core.errors import InputError
 from tactsim.core.forward import ForwardModel
 from tactsim.core.pad import offsets
@@ -27,14 +38,19 @@ from tactsim.press.press_model import PressModel
 from tactsim.press.sensor import EFFECTS
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
+
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
+
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
+
 _DOUBT = (
     20.0  # nats, which the prediction over a whole cell may be too low; a quarter of that over half a cell
 )
+
 _STEEPEST = (
     1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
 )
+
 _EDGES = 2  # rounds of splitting cells that do not touch and lie beside such that do
 
 
@@ -276,3 +292,72 @@ def least_expected_error(poses: FloatArray, weights: FloatArray, of: Properties)
         if np.linalg.norm(step) < 1e-6:
             break
     return invert(at)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """The best that readings allow, on the trials that every estimator gets.
+
+    run: exact Bayes on those trials, or, with the reason in `no_bayes`, `nearest`, of which nothing is told; with the
+    Cramer-Rao bound of each trial after each reading.
+    """
+
+    run: Run
+    no_bayes: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Put it into one flat object, as `bench bound --json` prints it; lists run over the readings."""
+        summary, bound = self.run.summary, self.run.against_bound
+        kept = ("accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_standard_error_mm")
+        nothing = [None] * self.run.readings
+        return {
+            **{name: self.run.config[name] for name in ("trials", "readings", "seed")},
+            "letters": self.run.letters,
+            "protocol": self.run.protocol,
+            "scan": self.run.about["scan"]["options"],
+            **{f"bayes_{name}": nothing if self.no_bayes else summary[name] for name in kept},
+            "no_bayes": self.no_bayes,
+            "bound_mm": bound["bound_mm"],
+            "determined": bound["determined"],
+            "bayes_efficiency": nothing if self.no_bayes else bound["efficiency"],
+            "determined_below_mm": determined_below_mm(self.run.trials),
+            "seconds": self.run.seconds,
+            "versions": self.run.versions,
+        }
+
+    def plot(self) -> Picture:
+        """Draw accuracy and error of exact Bayes and the bound against readings seen; without it the bound alone."""
+        if not self.no_bayes:
+            picture: Picture = self.run.plot()
+            return picture
+        figure = Picture(figsize=(4.5, 3.8), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(np.arange(1, self.run.readings + 1), self.run.bound_mm, color="black", ls=(0, (5, 3)))
+        axes.set(ylabel="Cramer-Rao bound of the error, mm")
+        axes.set_ylim(bottom=0)
+        figure.suptitle(self.run.protocol, fontsize=10, parse_math=False)
+        over_readings(axes, self.run.readings)
+        return figure
+
+
+def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress: Progress = silent) -> Bound:
+    """Do exact Bayes on the trials that `config` asks for, and bound their errors.
+
+    Where exact Bayes does not know the press there is the Cramer-Rao bound alone.
+    Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor or how
+    the object moves.
+    """
+    check_motion(config.moving)  # before the work, not after it
+    no_bayes = ""
+    try:
+        if not config.moving.still:
+            raise InputError("exact Bayes takes the object to lie still; leave out --slip")
+        run = perform(config, estimator=ExactBayes(), jobs=jobs, cache=cache, progress=progress)
+    except InputError as error:
+        no_bayes = str(error)
+        order = config.model_copy(update={"estimator": "nearest"})
+        run = perform(order, jobs=jobs, cache=cache, progress=progress)
+    assert run.plan is not None
+    bounds = scan_bounds(run.plan.scan, run.trials, config.moving, jobs=jobs, progress=progress)
+    called = run.config if no_bayes else run.config | {"estimator": "exact Bayes"}
+    return Bound(replace(run, config=called, bounds=bounds), no_bayes)
