@@ -101,12 +101,16 @@ def loaded(frames: FloatArray) -> slice:
 
 
 def _text(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
-    """Read frames of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
+    yield path.stem, frames_of_text(read_text(path, "frames", LARGE), pad)
+
+
+def frames_of_text(text: str, pad: Pad) -> FloatArray:
+    """Read frames (n, taxels) of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
 
     Lines that hold anything but numbers say nothing. Where a line has as many numbers as a part of the taxels, so many
-    lines that follow each other are a frame, and what stands between them is none.
+    lines that follow each other are a frame, and what stands between them is none. Raises InputError.
     """
-    numbers = [_numbers(line) for line in read_text(path, "frames", LARGE).splitlines()]
+    numbers = [_numbers(line) for line in text.splitlines()]
     widths = Counter(len(one) for one in numbers if one is not None)
     fitting = [
         width for width in widths if width in (pad.taxels, pad.taxels + 1) or pad.taxels % max(width, 1) == 0
@@ -116,15 +120,13 @@ def _text(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
     if len(widths) == 1 and len(rows) == pad.taxels and width not in (pad.taxels, pad.taxels + 1):
         table = np.array(rows)
         if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
-            yield path.stem, table[:, 1:].T
-            return
+            return table[:, 1:].T
     if width < 2:
         raise InputError(
             f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {pad.taxels} taxels"
         )
     if width >= pad.taxels:
-        yield path.stem, np.array([one[-pad.taxels :] for one in rows if len(one) == width])
-        return
+        return np.array([one[-pad.taxels :] for one in rows if len(one) == width])
     lines, frames, block = pad.taxels // width, list[list[float]](), list[list[float]]()
     for number, one in enumerate([*numbers, None], start=1):
         if one is not None and len(one) == width:
@@ -137,7 +139,7 @@ def _text(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
             )
         frames += np.reshape(block, (-1, pad.taxels)).tolist()
         block = []
-    yield path.stem, np.array(frames)
+    return np.array(frames)
 
 
 def _numbers(line: str) -> list[float] | None:

@@ -5,6 +5,7 @@ None is part of this package. The list says where each lies, under which licence
 
 from __future__ import annotations
 
+import bz2
 import hashlib
 import io
 import re
@@ -15,10 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import quote
+from xml.etree import ElementTree
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from tactsim.bench.formats.press_files import frames_of_text, loaded
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.cache_folder import cache_folder
 from tactsim.core.checking import checked
@@ -31,9 +34,9 @@ from tactsim.core.source_digest import source_digest
 KNOWN = Path(__file__).with_name("public_recordings.toml")
 _LARGEST = 1 << 28  # bytes of a file
 _WAIT_S = 30.0
-# Of a press's range of total load: frames above the first are its plateau, below the second it is idle.
-_LOADED, _IDLE = 0.9, 0.1
+_IDLE = 0.1  # of a press's range of total load: below it a frame is idle
 _READ_REVERSED = slice(5, 14)  # columns of the TactileDTMF pad that its readout has in reverse
+_TIPS = (1, 5)  # of the six arrays in a .dsa file those between which the hand held its objects
 
 Presses = tuple[list[FloatArray], list[str]]  # of each press its readings (readings, taxels), and its label
 
@@ -78,7 +81,7 @@ class Recording(BaseModel):
     commit: Annotated[str, Field(pattern="^[0-9a-f]{40}$")]
     address: str
     unverified: str
-    layout: Literal["trials", "images", "grasps"]
+    layout: Literal["trials", "images", "grasps", "dsa", "fingers"]
     unit: Literal["kPa", "N", "V", "count"] = "count"
     poses: Literal["unknown", "one"]
     train: float = Field(gt=0, le=1)
@@ -226,23 +229,21 @@ def scan_of(
 
 
 def _press_reading(frames: FloatArray, share: float = 1.0) -> FloatArray:
-    """Take from a press's frames (n, taxels) the mean of the longest loaded run, less the mean of the idle ones.
+    """Take from a press's frames (n, taxels) the mean of its loaded frames, less the mean of the idle ones.
 
-    Of a share of the load below 1, take the frame before that run that comes nearest, since the last idle one. Loaded
-    frames are those within a tenth of the largest total, idle ones those within a tenth of the least.
+    Of a share of the load below 1, take the frame before those that comes nearest, since the last idle one. Idle frames
+    are those within a tenth of the least total.
     """
     total = frames.sum(axis=1)
     low, high = float(total.min()), float(total.max())
     if high <= low:
         raise InputError("a press has no rise: all its frames carry the same load")
-    loaded = np.flatnonzero(total >= low + _LOADED * (high - low))
-    runs = np.split(loaded, np.flatnonzero(np.diff(loaded) > 1) + 1)
+    held = loaded(frames)
     idle = frames[total <= low + _IDLE * (high - low)].mean(axis=0)
-    plateau = max(runs, key=len)
     if share == 1:
-        return np.asarray(frames[plateau].mean(axis=0) - idle)
-    before = np.flatnonzero(total[: plateau[0]] <= low + _IDLE * (high - low))
-    rise = np.arange(before[-1] if len(before) else 0, plateau[0] + 1)
+        return np.asarray(frames[held].mean(axis=0) - idle)
+    before = np.flatnonzero(total[: held.start] <= low + _IDLE * (high - low))
+    rise = np.arange(before[-1] if len(before) else 0, held.start + 1)
     return np.asarray(frames[rise[np.abs(total[rise] - low - share * (high - low)).argmin()]] - idle)
 
 
@@ -285,6 +286,36 @@ def _grasps(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Pre
     return [_press_reading(frames).reshape(len(whole), pad.taxels)], [Path(path).parent.name]
 
 
+def _dsa(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
+    """Read a grasp that DSA Konqueror kept in its object's folder: the readings of two fingertips.
+
+    The file is XML, packed by bzip2. A frame has the cells of all arrays, the rows of one after another, as big-endian
+    32-bit floats in hexadecimal; a negative number stands for so many zeros.
+    """
+    try:
+        root = ElementTree.fromstring(bz2.decompress(content))
+        shapes = [
+            tuple(int(array.findtext(f"cells_{of}", "")) for of in "yx") for array in root.iter("matrix")
+        ]
+        packed = [np.frombuffer(bytes.fromhex(frame.text or ""), ">f4") for frame in root.iter("frame_data")]
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        raise InputError(f"it is no whole file of DSA Konqueror: {error}") from error
+    if [shape for number, shape in enumerate(shapes) if number in _TIPS] != 2 * [(pad.rows, pad.columns)]:
+        raise InputError(f"its arrays are {shapes}; arrays {_TIPS} are to be {pad.rows} by {pad.columns}")
+    ends = np.cumsum([rows * columns for rows, columns in shapes])
+    frames = [np.repeat(np.maximum(row, 0), np.maximum(-row, 1).astype(int)) for row in packed]
+    if not frames or {len(frame) for frame in frames} != {ends[-1]}:
+        raise InputError(f"its frames are not of {ends[-1]} cells, as its arrays have")
+    tips = np.hstack([np.array(frames, dtype=float)[:, ends[tip] - pad.taxels : ends[tip]] for tip in _TIPS])
+    return [_press_reading(tips).reshape(2, pad.taxels)], [Path(path).parent.name]
+
+
+def _fingers(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
+    """Read a grasp of five fingers, a line each, which read less under load; the file is named after its object."""
+    frames = -frames_of_text(content.decode("utf-8", "replace"), pad)
+    return [_press_reading(frames)[None]], [re.sub(r"_\d+$", "", Path(path).stem)]
+
+
 def _images(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
     """Read grey images `OBJECT/OBJECT12.jpg` of a ZIP file, the presses of each object by their numbers."""
     from matplotlib.image import imread
@@ -310,6 +341,8 @@ _LAYOUTS: Mapping[str, Callable[[str, bytes, Pad, Sequence[float]], Presses]] = 
     "trials": _trials,
     "images": _images,
     "grasps": _grasps,
+    "dsa": _dsa,
+    "fingers": _fingers,
 }
 
 

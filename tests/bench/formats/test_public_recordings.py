@@ -1,7 +1,9 @@
 """Public recordings: what is listed, and files of the same layouts, small and made here, as scans."""
 
+import bz2
 import hashlib
 import io
+import itertools
 import json
 import zipfile
 
@@ -34,6 +36,46 @@ def grasps(name, rng):
         cell[0, number] = 30 + image[..., None] * RISE
     filled = [np.vstack([image, np.zeros((14 - len(image), 6))]).ravel() for image in arrays]
     return {f"{name}/grasp-1.mat": mat({"TS": cell, "seqLength": len(RISE)})}, np.array(filled)
+
+
+def dsa(name, rng):
+    """Hold an object between the tips, arrays 1 and 5 of six; runs of zeros are one negative number."""
+    tips = rng.integers(1, 4000, (2, 13, 6)) * (rng.random((2, 13, 6)) < 0.5)
+    tips[:, 6, 2] = 1
+    shapes = 3 * [(14, 6), (13, 6)]
+    cells = {1: tips[0], 5: tips[1]}
+    still = np.concatenate([cells.get(k, np.zeros(shape)).ravel() for k, shape in enumerate(shapes)])
+    matrices = "".join(f"<matrix><cells_x>{b}</cells_x><cells_y>{a}</cells_y></matrix>" for a, b in shapes)
+    frames = "".join(
+        f"<frame><frame_data>\n  {np.array(list(runs(still * rise)), '>f4').tobytes().hex()}\n</frame_data></frame>"
+        for rise in RISE
+    )
+    text = f'<?xml version="1.0"?><root><sensor>{matrices}</sensor>{frames}<joint_angles/></root>'
+    return {f"{name}/{name}_0001-0009.dsa": bz2.compress(text.encode())}, tips.reshape(2, 78)
+
+
+BARE = (
+    b"<root>"
+    + 3 * b"".join(b"<matrix><cells_x>6</cells_x><cells_y>%d</cells_y></matrix>" % rows for rows in (14, 13))
+    + b"<frame_data>c3f30000</frame_data><frame_data>c3f28000</frame_data></root>"
+)  # of 486 and 485 zeros
+
+
+def runs(cells):
+    """Give the cells with each run of zeros as its negative length."""
+    for nothing, group in itertools.groupby(cells, lambda cell: cell == 0):
+        alike = list(group)
+        yield from [-len(alike)] if nothing else alike
+
+
+def fingers(name, rng):
+    """Close a hand whose fingers read less under load; angles and the largest of each finger stand between frames."""
+    image = rng.integers(0, 90, (5, 12))
+    lines = ["-10000"]
+    for frame in 245 - np.rint(image * RISE[:, None, None] * 2):
+        lines += ["21 79.7 13.8 47.5 33.4 57 36.2 55.5 -0.5", " ".join(map(str, 255 - frame.min(axis=1)))]
+        lines += [" ".join(map(str, row)) for row in frame]
+    return {f"{name}_7.txt": ("\n".join(lines) + "\n").encode()}, 2 * image.reshape(1, 60)
 
 
 def images(names, rng):
@@ -101,6 +143,17 @@ def test_arrays_of_a_hand_are_readings_of_one_press():
     assert scan.about["licence"] == "LicenseRef-st-hmp"
 
 
+@pytest.mark.parametrize(("like", "made"), [("kiechle36", dsa), ("icub10", fingers)])
+def test_fingers_of_a_grasp_are_read_less_what_they_read_at_rest(like, made):
+    rng = np.random.default_rng(6)
+    (files, readings), (more, others) = made("none", rng), made("tea_pot", rng)
+    scan = scanned(like, files | more)
+    assert np.allclose(scan.readings, np.vstack([readings, others]))
+    none = "nothing" if like == "icub10" else "none"
+    assert scan.labels.tolist() == len(readings) * [none] + len(readings) * ["tea_pot"]
+    assert scan.presses.tolist() == len(readings) * [0] + len(readings) * [1]
+
+
 def test_images_are_presses_in_the_order_of_their_numbers():
     files, levels = images(["key", "arm"], np.random.default_rng(5))
     scan = scanned("tekscan22", files)
@@ -116,6 +169,11 @@ def test_images_are_presses_in_the_order_of_their_numbers():
         ("dtmf7", {"a_raster.mat": mat({"all_trials": np.ones((2, 256, 5))})}, "no rise"),
         ("dtmf7", {"a_raster.mat": b"cut short"}, "no whole MAT file"),
         ("schunk5", {"A/g.mat": mat({"TS": np.ones((2, 2))})}, "no 'TS{1}'"),
+        ("kiechle36", {"A/g.dsa": b"BZh91AY&SY"}, "no whole file"),
+        ("kiechle36", {"A/g.dsa": bz2.compress(b"<root><matrix/></root>")}, "no whole file"),
+        ("kiechle36", {"A/g.dsa": bz2.compress(b"<root/>")}, "its arrays are []"),
+        ("kiechle36", {"A/g.dsa": bz2.compress(BARE)}, "not of 486 cells"),
+        ("icub10", {"A_1.txt": b"1 2 3 4 5 6 7\n"}, "no frames of 60 taxels"),
         ("tekscan22", {"i.zip": images([], np.random.default_rng(0))[0]["images.zip"]}, "no images"),
     ],
 )
@@ -166,7 +224,7 @@ def test_without_a_network_it_is_said_where_a_file_is_to_be_put(here, tmp_path, 
 
 def test_what_is_known_is_listed_and_names_are_checked(here):
     known = json.loads(here("data", "--json").stdout)
-    assert [len(one["files"]) for one in known.values()] == [7, 1, 51]
+    assert [len(one["files"]) for one in known.values()] == [7, 1, 51, 856, 200]
     assert all(one["commit"] in one["address"] for one in known.values())
     refused(here("data", "get", "dtmf8"), "dtmf8", "dtmf7")
     refused(here("data", "got", "dtmf7"), "bench data get NAME")

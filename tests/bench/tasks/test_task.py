@@ -28,6 +28,8 @@ PUBLISHED = {
     "tilted-v1": "8752e003b9b8e24e",
     "dtmf7-light-v1": "c7006071d039fdf2",
     "dtmf7-v1": "d79b154c8fbf5620",
+    "icub10-v1": "f949966693697ba5",
+    "kiechle36-v1": "edbbd80a50eb4df6",
     "schunk5-v1": "2bbce9a4d3ae24f2",
     "tekscan22-v1": "a850fbbedfc5b4e0",
     "worn-pad-v1": "2bd7417c70b28b31",
