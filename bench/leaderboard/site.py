@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import shlex
 import shutil
@@ -12,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import matplotlib as mpl
-from matplotlib.figure import Figure as Sheet
+from markupsafe import Markup
+from matplotlib.axes import Axes
 
 from tactsim.bench.columns import csv_text
 from tactsim.bench.leaderboard.bundle import record_path
@@ -22,15 +21,14 @@ from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
 from tactsim.bench.report.curves import frontier
-from tactsim.bench.report.picture import look
-from tactsim.bench.runs.figures import as_bytes, plain_log
+from tactsim.bench.report.picture import alone, look
+from tactsim.bench.runs.figures import draw_frontier, plain_log
 from tactsim.bench.runs.pooled import cell
 from tactsim.bench.runs.tables import heading
 from tactsim.core.files import KeptBeside, new_folder, write_text
 
 _ASSETS = "leaderboard/assets/"
 _MARK = "made-by-bench-leaderboard.txt"  # a folder with this file may be replaced
-_SCHEMES = {"light": ("#ffffff", "#161b22", "#d9dee5"), "dark": ("#161b23", "#e8ecf2", "#2c3440")}
 _LONGEST = 34  # characters of a label in a legend
 FIGURES = ("task", "task_data", "method", "estimator", "file", "status", "rank_best", "rank_worst", "figure", "value",
            "low", "high", "trials", "scans")  # fmt: skip
@@ -77,7 +75,7 @@ def _write(folder: Folder, inside: Path) -> None:
         scripts=("report/assets/sorting.js",),
         styles=("report/assets/page.css", f"{_ASSETS}leaderboard.css"),
         title="tactsim leaderboard", version=version("tactsim"), folder=folder, level=f"{LEVEL:g}",
-        heading=heading, cell=cell, rank=rank_words, drawn=_drawn, command=command, facts=_facts, place=_place,
+        heading=heading, cell=cell, rank=rank_words, drawn=time_picture, command=command, facts=_facts, place=_place,
         machines=lambda of: list(dict.fromkeys(_machine(one) for one in of.ranked)),
     )  # fmt: skip
     write_text(inside / "index.html", page)
@@ -88,18 +86,8 @@ def _place(one: Entrant) -> str:
     return f"bundles/{quote(one.path.name)}"
 
 
-def _drawn(of: Standings) -> dict[str, str]:
-    """Draw run time against error, for the page by its light, as an address that it can name; {} without an error."""
-    drawn = {scheme: time_picture(of, scheme) for scheme in _SCHEMES}
-    return {
-        scheme: f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
-        for scheme, svg in drawn.items()
-        if svg is not None
-    }
-
-
-def time_picture(of: Standings, scheme: str = "light") -> bytes | None:
-    """Draw processor time against error on a ground of `scheme`, as SVG; None if no method has an error."""
+def time_picture(of: Standings) -> Markup | None:
+    """Draw processor time against error, as SVG in the page's colours; None if no method has an error."""
     if of.ranking is None:
         return None
     by = of.ranking.error_by
@@ -107,34 +95,27 @@ def time_picture(of: Standings, scheme: str = "light") -> bytes | None:
     points = [(one, ms, error, error.value) for one, ms, error in found if error.value and ms > 0]
     if not points:
         return None
-    ground, ink, line = _SCHEMES[scheme]
-    style: dict[Any, Any] = {"text.parse_math": False}  # labels are no formulas
-    style |= dict.fromkeys(
-        ("text.color", "axes.labelcolor", "xtick.color", "ytick.color", "axes.edgecolor"), ink
-    )
-    with mpl.rc_context(style):
-        sheet = Sheet(figsize=(9, max(4.2, 0.21 * len(points) + 0.6)), layout="constrained", facecolor=ground)
-        axes = sheet.subplots()
-        axes.set_facecolor(ground)
+    first = frontier([ms for _, ms, _, _ in points], [value for *_, value in points])
+
+    def draw(axes: Axes) -> None:
         for one, ms, error, value in points:
-            colour, marker = look(one.number, scheme)
+            colour, marker = look(one.number)
             if error.low is not None and error.high is not None:
                 axes.plot([ms, ms], [max(error.low, 1e-9), error.high], color=colour, lw=0.9)
             label = one.label if len(one.label) <= _LONGEST else f"{one.label[: _LONGEST - 1]}…"
             axes.plot([ms], [value], ls="", marker=marker, ms=7, color=colour, label=label)
-        first = frontier([ms for _, ms, _, _ in points], [value for *_, value in points])
-        corners = sorted((ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best)
-        axes.plot(*zip(*corners, strict=True), color="#999999", lw=7, alpha=0.3, solid_capstyle="round", zorder=0,
-                  drawstyle="steps-post")  # fmt: skip
+        draw_frontier(
+            axes, [(ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best]
+        )
         axes.set(xscale="log", yscale="log", xlabel="processor time of a reading, ms", ylabel=heading(by))
         for axis in (axes.xaxis, axes.yaxis):
             plain_log(axis)
-        axes.grid(which="major", lw=0.5, color=line)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
         axes.margins(0.08)
-        sheet.legend(loc="outside right upper", frameon=False, fontsize=9)
-        return as_bytes(sheet, "svg", dpi=160)
+        axes.figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+
+    words = f"Processor time of a reading against placement error on {of.task}"
+    size = 9, max(4.2, 0.21 * len(points) + 0.6)
+    return alone(draw, f"time-{of.task}", words, size)
 
 
 def command(one: Entrant) -> str:

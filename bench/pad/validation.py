@@ -15,7 +15,7 @@ from tactsim.bench.experiment import perform
 from tactsim.bench.intervals import wilson
 from tactsim.bench.pad.fitted_world import clipped, fitted_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, check_presses
-from tactsim.bench.runs.figures import BLUE, GREY, Picture
+from tactsim.bench.runs.figures import BLUE, SOFT, Picture
 from tactsim.bench.trials import Progress
 from tactsim.core import Scan
 from tactsim.core.checking import checked
@@ -316,7 +316,7 @@ def presses_figure(result: Validation) -> Picture:
     figure.colorbar(image, ax=grid[:, :-1], label=result.unit, location="bottom", aspect=50)
     against, where = grid[:, -1]
     against.plot(fitted, scan.readings, ".", color=BLUE, ms=2, alpha=0.3)
-    against.axline((0, 0), slope=1, color=GREY, lw=0.8)
+    against.axline((0, 0), slope=1, color=SOFT, lw=0.8)
     against.set_xlabel(f"fitted, held out, {result.unit}", fontsize=8)
     against.set_ylabel(f"recorded, {result.unit}", fontsize=8)
     of_taxel = np.sqrt(np.nanmean((scan.readings - fitted) ** 2, axis=0))

@@ -10,30 +10,25 @@ import base64
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import ArrayLike
 
-from tactsim import models
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
 from tactsim.bench.report.curves import (
-    axis_of_errors,
     below_bound,
     confusion_counts,
-    has_curves,
     machine_line,
     points,
-    reliability,
 )
-from tactsim.bench.report.recognition import Recognition, Replayed
+from tactsim.bench.report.picture import plots
+from tactsim.bench.report.recognition import Recognition, Replayed, drawing, map_outline, taxel_size
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.pooled import Group, Pooled
-from tactsim.core import Scan
 from tactsim.core.errors import counted
-from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
@@ -47,7 +42,7 @@ _WORDS = {
     ", random order": ", touches in random order",
 }
 
-_SCRIPTS = ("base.js", "charts.js", "sorting.js", "tables.js", "recognition.js", "main.js")
+_SCRIPTS = ("base.js", "sorting.js", "tables.js", "recognition.js", "main.js")
 
 
 class Arrays:
@@ -72,6 +67,7 @@ class Arrays:
 def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequence[str]) -> str:
     """Make the HTML of a report. The same runs give the same page."""
     arrays = Arrays()
+    names = {id(group): f"plots-{number}" for number, group in enumerate(groups)}
     entries = [entry for group in groups for entry in group.entries]
     data = {
         "machine": machine_line(entries),
@@ -79,15 +75,19 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         "dates": sorted({str(entry.run.times.get("started", ""))[:10] for entry in entries} - {""}),
         "remarks": list(remarks),
         "protocols": [
-            _protocol(name, [group for group in groups if group.protocol == name], replayed, arrays)
+            _protocol(name, [group for group in groups if group.protocol == name], names, replayed, arrays)
             for name in dict.fromkeys(group.protocol for group in groups)
         ],
     }
+    drawn: dict[str, Markup] = {}
+    for group in groups:
+        drawn |= plots(group, names[id(group)])
     return render(
         f"{_ASSETS}page.html",
         scripts=[_ASSETS + name for name in _SCRIPTS],
         styles=[f"{_ASSETS}page.css"],
         title=f"{REPORT_TITLE}{counted(sum(len(entry.runs) for entry in entries), 'run')}",
+        plots=drawn,
         data=data,
         arrays=arrays.text(),
     )
@@ -103,7 +103,11 @@ def _versions(entries: Sequence[Pooled]) -> str:
 
 
 def _protocol(
-    name: str, groups: Sequence[Group], replayed: Sequence[Replayed], arrays: Arrays
+    name: str,
+    groups: Sequence[Group],
+    plots: Mapping[int, str],
+    replayed: Sequence[Replayed],
+    arrays: Arrays,
 ) -> dict[str, Any]:
     methods = list(dict.fromkeys(method for group in groups for method in group.methods))
     mine = [one for one in replayed if any(one.entry in group.entries for group in groups)]
@@ -118,7 +122,7 @@ def _protocol(
         "name": name,
         "title": _title(name),
         "methods": methods,
-        "tasks": [_task(group, methods, arrays) for group in groups],
+        "tasks": [{"plots": plots[id(group)], **_task(group, methods, arrays)} for group in groups],
         "replayedTask": next((g.task for g in groups if mine and mine[0].entry in g.entries), None),
         "recognitions": [_recognition(trial, one, arrays) for one in mine for trial in one.recognitions],
         "outlines": shown,
@@ -140,8 +144,6 @@ def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "readings": group.readings,
         "machine": machine_line(group.entries),
         "runs": [_run(entry, methods, arrays) for entry in group.entries],
-        "curves": has_curves(group),
-        "errorAxis": [_short(end) for end in axis_of_errors(group)],
         "notes": below_bound(group),
         "printed": [
             {**asdict(printed), "run": keys[id(entry)], "words": printed.words, "bins": _table_1(printed)}
@@ -153,8 +155,6 @@ def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
                 "run": keys[id(point.entry)],
                 "seconds": _short(point.seconds),
                 "error": _short(point.error),
-                "low": _short(point.low),
-                "high": _short(point.high),
                 "settled": point.settled,
                 "errorFrontier": point.error_frontier,
                 "settledFrontier": point.settled_frontier,
@@ -197,10 +197,6 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "coverage90": _column(summary["coverage_90"]),
         "coverage50": _column(summary["coverage_50"]),
         "sharpness": _column(summary["sharpness_mm"]),
-        "reliability": [
-            {"p": _short(bin.probability), "right": _short(bin.right), "count": bin.count}
-            for bin in reliability(trials)
-        ],
         "allRightFrom": summary["all_right_from"],
         "settled95": summary["settled_95"],
         "msPerReading": _short(1e3 * float(trials.seconds[trials.taken].mean())),
@@ -303,38 +299,3 @@ def _column(values: Any) -> list[float | None]:
 def _short(value: float | None) -> float | None:
     """Round to six digits, which is more than a screen shows and half of what a float takes."""
     return None if value is None else float(f"{value:.6g}")
-
-
-def drawing(label: str, scan: Scan, shape_files: Sequence[Path] = ()) -> list[FloatArray] | None:
-    """Give the contours that an object was drawn with, (k, 2) mm each, in its own frame; None if nobody knows them.
-
-    A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file.
-    """
-    if "options" in scan.meta and label in models.names():
-        return [np.asarray(contour) for contour in models.letter(label).contours]
-    for path in shape_files:
-        if path.stem == label:
-            return [np.asarray(contour) for contour in models.shape(path).contours]
-    return None
-
-
-def map_outline(label: str, maps: Mapping[str, OccupancyMap]) -> list[FloatArray]:
-    """Find where a map says that occupied and empty are equally likely: contours (k, 2) mm, none without a map."""
-    if label not in maps:
-        return []
-    from contourpy import contour_generator
-
-    chart = maps[label]
-    rows, columns = chart.log_odds.shape
-    lines = contour_generator(
-        chart.origin[0] + chart.cell * np.arange(columns),
-        chart.origin[1] + chart.cell * np.arange(rows),
-        chart.log_odds,
-    ).lines(0.0)
-    return [np.asarray(line) for line in lines if len(line) > 8]
-
-
-def taxel_size(scan: Scan) -> list[float]:
-    """Guess a taxel's width and height, mm, from the usual spacing of the taxels' centres."""
-    gaps = [np.diff(np.unique(np.round(scan.taxel_xy[:, axis], 3))) for axis in (0, 1)]
-    return [round(0.94 * float(np.median(gap)), 3) if len(gap) else 1.0 for gap in gaps]

@@ -1,57 +1,68 @@
-"""The pictures of a report as files, for a README, a paper or a slide."""
+"""The plots of a report: two pictures as files, for a paper or a slide, and each plot alone for the page."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from tactsim.bench.report.curves import Point, axis_of_errors, below_bound, machine_line, points
+from tactsim.bench.report.curves import (
+    Point,
+    axis_of_errors,
+    below_bound,
+    machine_line,
+    points,
+    reliability,
+)
 from tactsim.bench.runs import paper
-from tactsim.bench.runs.figures import as_bytes, plain_log
-from tactsim.bench.runs.pooled import Group
+from tactsim.bench.runs.figures import (
+    COLOURS,
+    FRONTIER,
+    GRID,
+    INK,
+    SOFT,
+    as_bytes,
+    draw_curve,
+    draw_frontier,
+    embedded,
+    over_readings,
+    plain_log,
+)
+from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.core.errors import counted
 from tactsim.core.files import write_bytes
 
-# One colour and one marker a method, in order; the page (assets/page.css and charts.js) uses the same.
-COLOURS = (
-    "#1f6fb2", "#c8501c", "#0b8a63", "#7b4fb3", "#b8407f", "#8a6800", "#0c7f8a", "#5f6670",
-    "#7a0c14", "#1d5e14", "#27339b", "#7a0f74", "#8874b4", "#304254", "#3f86f2", "#5c8a00",
-)  # fmt: skip
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 LONGEST_LABEL = 48  # characters of a method in a legend
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
 WIDTH = 7.16  # inches: both columns of a page of the IEEE
+_ALONE = (4.2, 2.8)  # inches of a plot on the page, which stretches it
 _TYPE: dict[Any, Any] = {
-    "font.size": 8.0,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-}
+    "font.size": 8.0, "text.parse_math": False, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6, "grid.linewidth": 0.6, "axes.spines.top": False, "axes.spines.right": False,
+}  # fmt: skip
+_ON_A_PAGE = _TYPE | {"grid.color": GRID} | dict.fromkeys(
+    ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), SOFT
+)  # fmt: skip
 # Of the axes of `pareto_figure`, about what a digit of a note is wide, a line high, and half a mark in both.
 _LETTER, _LINE, _MARK = 0.0225, 0.048, (0.012, 0.014)
 
-# The same for a dark ground.
-DARK_COLOURS = (
-    "#66b0ee", "#f58f5c", "#44c99a", "#b795ee", "#ee86b9", "#d9b648", "#4fc6d3", "#a9b2be",
-    "#a39c38", "#b5f2d3", "#7687f0", "#e2596c", "#36989e", "#f3cdf3", "#bd68bd", "#f4e34a",
-)  # fmt: skip
 
-
-def look(number: int, scheme: str = "light") -> tuple[str, str]:
+def look(number: int) -> tuple[str, str]:
     """Choose the colour and the marker of a method by its number; 128 methods all look different."""
-    colours = DARK_COLOURS if scheme == "dark" else COLOURS
-    return colours[number % len(COLOURS)], MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
+    return COLOURS[number % len(COLOURS)], MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -59,50 +70,57 @@ def save(figure: Figure, path: Path) -> None:
     write_bytes(path, as_bytes(figure, path.suffix.removeprefix("."), dpi=250))
 
 
+@mpl.rc_context(_ON_A_PAGE)
+def alone(
+    draw: Callable[[Axes], object], name: str, words: str, inches: tuple[float, float] | None = None
+) -> Markup:
+    """Draw one plot for a page, as SVG in the page's colours. name: unique in the page. words: what it shows.
+
+    inches: how large, if more than a plot alone stands there.
+    """
+    figure = Figure(figsize=inches or _ALONE, layout="constrained" if inches else None)
+    if not inches:  # to measure all texts for margins takes as long as to draw
+        figure.subplots_adjust(left=0.11, right=0.97, bottom=0.15, top=0.96)
+    axes = figure.subplots()
+    axes.grid(which="major")
+    draw(axes)
+    return embedded(figure, name, words)
+
+
+def plots(group: Group, name: str) -> dict[str, Markup]:
+    """Draw all plots of a group for the page: {name of the plot: SVG}. name: of the group, unique in the page.
+
+    What belongs to run i of the group has the class run-i.
+    """
+    sure = any(value is not None for entry in group.entries for value in entry.summary["coverage_90"])
+    found: dict[str, tuple[Callable[..., object], str]] = {
+        "share": (_draw_share, "Accuracy against readings seen"),
+        "error": (_draw_error, "Placement error against readings seen"),
+        "stated": (_draw_reliability, "Reliability diagram of the letter's probability"),
+    }
+    if sure:
+        found["held"] = (_draw_held, "Coverage of the 90 % regions against readings seen")
+    if len(group.entries) > 1:
+        if any(point.error is not None for point in points(group)):
+            found["time"] = (_draw_time, "Computing time against placement error")
+        found["settled"] = (_draw_settled, "Computing time against readings needed")
+    return {
+        f"{name}-{plot}": alone(partial(draw, group=group), f"{name}-{plot}", words)
+        for plot, (draw, words) in found.items()
+    }
+
+
 @mpl.rc_context(_TYPE)
 def pareto_figure(group: Group) -> Figure:
     """Draw every method's curve over its budget: time per recognition against error and readings needed."""
-    found = points(group)
     figure = Figure(figsize=(WIDTH, 3.9), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
-    late = group.readings * 1.35  # where the runs are drawn that have not settled
-    left_notes, right_notes = list[_Note](), list[_Note]()
-    for number, method in enumerate(group.methods):
-        mine = [point for point in found if point.entry.method == method]
-        colour, marker = look(number)
-        style = {"color": colour, "marker": marker, "ms": 6, "lw": 1.4, "label": method}
-        placed = [point for point in mine if point.error is not None]
-        left.plot([1e3 * p.seconds for p in placed], [p.error for p in placed], **style)
-        for p in placed:
-            left.plot([1e3 * p.seconds] * 2, [p.low, p.high], color=colour, lw=0.8)
-        right.plot([1e3 * p.seconds for p in mine], [p.settled or late for p in mine], **style)
-        for p in mine:
-            ends = p in (mine[0], mine[-1])
-            if p.error is not None and (ends or p.error_frontier):
-                left_notes.append(_Note(p, p.error, colour, p.error_frontier))
-            if p.settled is not None and (ends or p.settled_frontier):
-                right_notes.append(_Note(p, p.settled, colour, p.settled_frontier))
-    _frontier(left, [(p.seconds, p.error) for p in found if p.error_frontier and p.error is not None])
-    _frontier(right, [(p.seconds, p.settled) for p in found if p.settled_frontier and p.settled is not None])
-
-    left.set(yscale="log", ylabel=f"placement error after {group.readings} readings, mm")
-    plain_log(left.yaxis)
-    ticks = [tick for tick in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60, 100) if tick <= group.readings]
-    never = any(point.settled is None for point in found)
-    right.set(yscale="log", ylabel="readings until 95 % stay right")
-    right.yaxis.set_major_locator(FixedLocator([*ticks, late] if never else ticks))
-    right.yaxis.set_major_formatter(
-        FuncFormatter(lambda value, _: "later" if value > group.readings else f"{value:g}")
-    )
-    right.yaxis.set_minor_locator(NullLocator())
-    for axes in (left, right):
-        axes.set(xscale="log", xlabel=f"processor time of a recognition of {group.readings} readings, ms")
-        plain_log(axes.xaxis)
+    for axes, draw in ((left, _draw_time), (right, _draw_settled)):
         axes.grid(which="major", lw=0.4, alpha=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.margins(0.08)
-    _write(left, left_notes, [(1e3 * p.seconds, p.error) for p in found if p.error is not None])
-    _write(right, right_notes, [(1e3 * p.seconds, p.settled or late) for p in found])
+        draw(axes, group)
+        axes.set_xlabel(f"processor time of a recognition of {group.readings} readings, ms")
+    left.set_ylabel(f"placement error after {group.readings} readings, mm")
+    right.set_ylabel("readings until 95 % stay right")
     _legend(figure, left.lines)
     _caption(
         figure,
@@ -118,49 +136,13 @@ def readings_figure(group: Group) -> Figure:
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
     left, right = figure.subplots(1, 2)
-    least, most = axis_of_errors(group)
-    noted: list[Line2D] = []
-    for number, method in enumerate(group.methods):
-        mine = [entry for entry in group.entries if entry.method == method]
-        budgets = 1 if len(group.entries) > CROWD else len(DASHES)
-        for rank, entry in enumerate(mine[::-1][:budgets]):  # the largest budget is the solid line
-            style = {"color": look(number)[0], "lw": 1.5, "label": entry.label}
-            style["ls"] = DASHES[rank]
-            seen, summary = np.arange(1, entry.readings + 1), entry.summary
-            error, low, high = (
-                np.maximum(least, np.array(curve, dtype=float))
-                for curve in (summary["error_mm"], *entry.error_band)
-            )
-            for axes, curve, below, above in (
-                (left, summary["accuracy"], summary["accuracy_low"], summary["accuracy_high"]),
-                (right, error, low, high),
-            ):
-                axes.fill_between(seen, below, above, color=style["color"], alpha=0.1, lw=0)
-                axes.plot(seen, curve, **style)
-            printed = paper.in_figure(entry.run)
-            if printed is not None and printed.readings <= entry.readings:
-                fill, edge = (style["color"], "black") if rank == 0 else ("white", style["color"])
-                left.plot(
-                    printed.readings, printed.share, marker="*", ms=13, mfc=fill, mec=edge, ls="none", clip_on=False,
-                    zorder=5, label=f"the paper, {printed.amount:,} {printed.option}",
-                )  # fmt: skip
-            if printed is not None and printed.error is not None:
-                label = f"the paper: {printed.error:g} mm ({printed.amount:,} {printed.option})"
-                noted.append(right.axhline(printed.error, color="black", lw=0.9, ls=":", label=label))
-    bounded = next((entry for entry in group.entries if any(entry.against_bound["bound_mm"])), None)
-    if bounded is not None:
-        bound = np.array(bounded.against_bound["bound_mm"], dtype=float)
-        noted += right.plot(
-            np.arange(1, len(bound) + 1), bound, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound"
-        )
-    left.set(ylim=(0, 1.02), ylabel="share of trials right")
-    right.set(yscale="log", ylim=(least, most), ylabel="placement error, mm")
-    plain_log(right.yaxis)
+    budgets = 1 if len(group.entries) > CROWD else len(DASHES)
     for axes in (left, right):
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        axes.set(xlim=(1, max(2, *(entry.readings for entry in group.entries))), xlabel="readings seen")
         axes.grid(which="major", lw=0.4, alpha=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+    _draw_share(left, group, budgets)
+    noted = _draw_error(right, group, budgets)
+    left.set_ylabel("share of trials right")
+    right.set_ylabel("placement error, mm")
     _legend(figure, [*left.lines, *noted])  # above: within the plot it would hide a curve
     _caption(
         figure,
@@ -168,6 +150,141 @@ def readings_figure(group: Group) -> Figure:
         "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
     )
     return figure
+
+
+def _curves(group: Group, budgets: int = 128) -> Iterator[tuple[Pooled, int, dict[str, Any]]]:
+    """Give the runs that are drawn, of each method so many budgets, how many are larger, and how its curve looks."""
+    for number, method in enumerate(group.methods):
+        mine = [(i, entry) for i, entry in enumerate(group.entries) if entry.method == method]
+        for rank, (i, entry) in enumerate(mine[::-1][:budgets]):  # the largest budget is the solid line
+            style = {"ls": DASHES[rank % len(DASHES)], "label": entry.label, "gid": f"run-{i}"}
+            yield entry, rank, {"color": look(number)[0], **style}
+
+
+def _over_all_readings(axes: Axes, group: Group) -> None:
+    over_readings(axes, max(entry.readings for entry in group.entries))
+
+
+def _draw_share(axes: Axes, group: Group, budgets: int = 128) -> None:
+    for entry, rank, style in _curves(group, budgets):
+        draw_curve(axes, entry.summary["accuracy"], *entry.band("accuracy"), **style)
+        printed = paper.in_figure(entry.run)
+        if printed is not None and printed.readings <= entry.readings:
+            fill, edge = (style["color"], INK) if rank == 0 else ("white", style["color"])
+            axes.plot(
+                printed.readings, printed.share, marker="*", ms=13, mfc=fill, mec=edge, ls="none", clip_on=False,
+                zorder=5, label=f"the paper, {printed.amount:,} {printed.option}", gid=style["gid"],
+            )  # fmt: skip
+    axes.set(ylim=(0, 1.02))
+    _over_all_readings(axes, group)
+
+
+def _draw_error(axes: Axes, group: Group, budgets: int = 128) -> list[Line2D]:
+    """Draw errors; returns the lines that are no run's."""
+    least, most = axis_of_errors(group)
+    noted: list[Line2D] = []
+    for entry, _, style in _curves(group, budgets):
+        curves = (
+            np.maximum(least, np.array(curve, dtype=float))
+            for curve in (entry.summary["error_mm"], *entry.error_band)
+        )
+        draw_curve(axes, *curves, **style)
+        printed = paper.in_figure(entry.run)
+        if printed is not None and printed.error is not None:
+            label = f"the paper: {printed.error:g} mm ({printed.amount:,} {printed.option})"
+            noted.append(
+                axes.axhline(printed.error, color=INK, lw=0.9, ls=":", label=label, gid=style["gid"])
+            )
+    bounded = next((entry for entry in group.entries if any(entry.against_bound["bound_mm"])), None)
+    if bounded is not None:
+        bound = np.array(bounded.against_bound["bound_mm"], dtype=float)
+        noted += draw_curve(axes, bound, color=INK, lw=1, ls=DASHES[1], label="Cramer-Rao bound")
+    axes.set(yscale="log", ylim=(least, most))
+    plain_log(axes.yaxis)
+    _over_all_readings(axes, group)
+    return noted
+
+
+def _draw_held(axes: Axes, group: Group) -> None:
+    axes.axhline(0.9, color=FRONTIER, lw=1.2, ls="--")
+    for entry, _, style in _curves(group):
+        draw_curve(axes, entry.summary["coverage_90"], **style)
+    axes.set(ylim=(0, 1.02))
+    _over_all_readings(axes, group)
+
+
+def _draw_reliability(axes: Axes, group: Group) -> None:
+    """Draw what was stated against what came true; the larger a mark, the more estimates it stands for."""
+    axes.axline((0, 0), slope=1, color=FRONTIER, lw=1.2, ls="--")
+    of_runs = [
+        (reliability(entry.trials), style, look(group.methods.index(entry.method))[1])
+        for entry, _, style in _curves(group)
+    ]
+    most = max(one.count for found, *_ in of_runs for one in found)
+    for found, style, marker in of_runs:
+        stated, right, count = np.array([(one.probability, one.right, one.count) for one in found]).T
+        axes.plot(stated, right, alpha=0.75, lw=1, **style)
+        size = (3 + 8 * np.sqrt(count / most)) ** 2
+        axes.scatter(stated, right, size, color=style["color"], marker=marker)
+    axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="probability stated")
+
+
+def _draw_time(axes: Axes, group: Group) -> None:
+    least, _ = axis_of_errors(group)
+    found = [
+        _Mark(point, max(point.error, least), point.error_frontier)
+        for point in points(group)
+        if point.error is not None
+    ]
+    for mark in found:
+        colour = look(group.methods.index(mark.point.entry.method))[0]
+        ends = [max(end or 0.0, least) for end in (mark.point.low, mark.point.high)]
+        axes.plot([mark.place[0]] * 2, ends, color=colour, lw=0.8)
+    _draw_points(axes, group, found)
+    plain_log(axes.yaxis)
+
+
+def _draw_settled(axes: Axes, group: Group) -> None:
+    late = group.readings * 1.35  # where the runs are drawn that have not settled
+    found = [_Mark(point, point.settled or late, point.settled_frontier) for point in points(group)]
+    _draw_points(axes, group, found)
+    ticks = [tick for tick in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 60, 100) if tick <= group.readings]
+    never = any(mark.height == late for mark in found)
+    axes.yaxis.set_major_locator(FixedLocator([*ticks, late] if never else ticks))
+    axes.yaxis.set_major_formatter(
+        FuncFormatter(lambda value, _: "later" if value > group.readings else f"{value:g}")
+    )
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """Where a run is drawn: at its time and this height. best: whether it is on the frontier."""
+
+    point: Point
+    height: float
+    best: bool
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Give its processor time, ms, and its height."""
+        return 1e3 * self.point.seconds, self.height
+
+
+def _draw_points(axes: Axes, group: Group, found: Sequence[_Mark]) -> None:
+    """Draw runs by their time, joined by method, with the frontier behind them and budgets beside them."""
+    noted: list[tuple[_Mark, str]] = []
+    for number, method in enumerate(group.methods):
+        mine = [mark for mark in found if mark.point.entry.method == method]
+        colour, marker = look(number)
+        places = np.array([mark.place for mark in mine]).reshape(-1, 2).T
+        axes.plot(*places, color=colour, marker=marker, ms=6, lw=1.4, label=method)
+        noted += [(mark, colour) for mark in mine if mark.best or mark in (mine[0], mine[-1])]
+    draw_frontier(axes, [mark.place for mark in found if mark.best])
+    axes.set(xscale="log", yscale="log", xlabel="processor time of a recognition, ms")
+    plain_log(axes.xaxis)
+    axes.margins(0.08)
+    _write(axes, noted, found)
 
 
 def _legend(figure: Figure, lines: Sequence[Line2D]) -> None:
@@ -204,34 +321,17 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
     )
 
 
-def _frontier(axes: Axes, corners: list[tuple[float, float]]) -> None:
-    corners.sort()
-    axes.plot(
-        [1e3 * seconds for seconds, _ in corners], [loss for _, loss in corners],
-        color="#999999", lw=7, alpha=0.35, solid_capstyle="round", zorder=0, drawstyle="steps-post",
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Note:
-    """The budget of a point, to be written beside its mark. first: whether it goes before others if room is short."""
-
-    point: Point
-    height: float
-    colour: str
-    first: bool
-
-
-def _write(axes: Axes, notes: list[_Note], marks: list[tuple[float, float]]) -> None:
+def _write(axes: Axes, noted: list[tuple[_Mark, str]], marks: Sequence[_Mark]) -> None:
     """Write budgets beside their marks, right or left, above or below; where there is no room, leave them out."""
-    shares = axes.transLimits.transform(axes.transScale.transform(marks))
+    shares = axes.transLimits.transform(axes.transScale.transform([mark.place for mark in marks]))
     taken = [tuple(box) for box in np.hstack([shares - _MARK, shares + _MARK])]  # left, low, right, high
-    for note in sorted(notes, key=lambda note: not note.first):
-        budget = note.point.entry.budget
+    for mark, colour in sorted(
+        noted, key=lambda of: not of[0].best
+    ):  # the frontier's first, if room is short
+        budget = mark.point.entry.budget
         if not budget:
             continue
-        place = (1e3 * note.point.seconds, note.height)
-        x, y = axes.transLimits.transform(axes.transScale.transform(place))
+        x, y = axes.transLimits.transform(axes.transScale.transform(mark.place))
         wide = _LETTER * len(budget.text)
         for side, up in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             left, low = x + (0.015 if side > 0 else -0.015 - wide), y + (0.012 if up > 0 else -0.012 - _LINE)
@@ -241,8 +341,8 @@ def _write(axes: Axes, notes: list[_Note], marks: list[tuple[float, float]]) -> 
             ):
                 taken.append(box)
                 axes.annotate(
-                    budget.text, place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=7,
-                    color=note.colour, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top",
+                    budget.text, mark.place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=7,
+                    gid="note", color=colour, ha="left" if side > 0 else "right", va="bottom" if up > 0 else "top",
                     bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.3},
                 )  # fmt: skip
                 break

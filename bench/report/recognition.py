@@ -6,10 +6,12 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tactsim import models
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import gather, plan_of, silent
 from tactsim.bench.placement import Properties, covariance
@@ -131,7 +133,9 @@ def replay_all(
 def _replay(entry: Pooled, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
     estimator = plan.fitted()
-    recognitions = tuple(_recognise(entry, estimator, plan, task, kind) for kind, task in tasks.items())
+    recognitions = tuple(
+        _recognition(entry, one) for one in do_again(plan, tasks, estimator, entry.run.objects)
+    )
     return Replayed(entry, plan.scan, maps_of(estimator), recognitions)
 
 
@@ -187,42 +191,64 @@ def _pressed_again(options: Any, config: RunConfig) -> Scan:
     return scan
 
 
-def _recognise(
-    entry: Pooled, estimator: Estimator, plan: TrialPlan, task: OneTrial, kind: str
-) -> Recognition:
-    test = plan.test_readings(task)
-    estimates: list[Estimate] = []
-    beliefs: list[PlaneBelief] = []
-    pressures: list[FloatArray] = []
-    touched: list[FloatArray] = []
+@dataclass(frozen=True, eq=False)
+class Again:
+    """One trial of a run, done again: what it came to, and after each touch the estimate, and the plane's belief.
 
-    def keep(estimate: Estimate, touch: Touch) -> None:
-        estimates.append(estimate)
-        pressures.append(touch.reading)
-        touched.append(touch.sensor_in_robot)
-        belief = estimator.belief_over_plane()
-        if belief is not None:
-            beliefs.append(belief)
+    kind: "typical" or "hardest". plane: None if the estimator shows none.
+    """
 
-    estimator, known = plan.fitted_for(task.truth, estimator)
-    with no_exit(estimator):
-        trial = run_trial(
-            estimator, test, task, plan.rules, letters=known, of=entry.run.objects[task.truth], observe=keep
-        )
+    task: OneTrial
+    kind: str
+    trials: Trials
+    estimates: list[Estimate]
+    touches: list[Touch]
+    plane: list[PlaneBelief] | None
+
+
+def do_again(
+    plan: TrialPlan, tasks: Mapping[str, OneTrial], estimator: Estimator, objects: Mapping[str, Any]
+) -> list[Again]:
+    """Do trials again with the fitted estimator, by what they are. objects: a run's, see `Run`."""
+    found = []
+    for kind, task in tasks.items():
+        fitted, known = plan.fitted_for(task.truth, estimator)
+        seen: list[tuple[Estimate, Touch]] = []
+        beliefs: list[PlaneBelief] = []
+
+        def keep(
+            estimate: Estimate, touch: Touch, of: Estimator = fitted, seen: Any = seen, beliefs: Any = beliefs
+        ) -> None:
+            seen.append((estimate, touch))
+            if (belief := of.belief_over_plane()) is not None:
+                beliefs.append(belief)
+
+        with no_exit(fitted):
+            trials = run_trial(
+                fitted, plan.test_readings(task), task, plan.rules, letters=known, of=objects[task.truth],
+                observe=keep,
+            )  # fmt: skip
+        estimates, touches = map(list, zip(*seen, strict=True))
+        plane = beliefs if len(beliefs) == len(seen) else None
+        found.append(Again(task, kind, trials, estimates, touches, plane))
+    return found
+
+
+def _recognition(entry: Pooled, of: Again) -> Recognition:
+    estimates, trial, objects = of.estimates, of.trials, entry.run.objects
     took = len(estimates)  # the trial may have ended before it had all its touches
     true_pose, pose = trial.true_pose[0, :took], trial.pose[0, :took]
     labels = tuple(dict.fromkeys(label for e in estimates for label in e.probabilities))
     return Recognition(
-        entry=entry, task=task, answer=str(trial.answer[0]), kind=kind, same=_same(trial, entry.run.trials),
-        labels=labels, label=trial.label[0, :took].tolist(),
-        pressures=np.array(pressures),
-        sensor_in_object=compose(true_pose, np.array(touched)),
+        entry=entry, task=of.task, answer=str(trial.answer[0]), kind=of.kind,
+        same=_same(trial, entry.run.trials), labels=labels, label=trial.label[0, :took].tolist(),
+        pressures=np.array([touch.reading for touch in of.touches]),
+        sensor_in_object=compose(true_pose, np.array([touch.sensor_in_robot for touch in of.touches])),
         estimate_in_object=compose(true_pose, invert(pose)),
         probabilities=np.array([[e.probabilities.get(label, 0.0) for label in labels] for e in estimates]),
-        robot_in_object=pose, true_pose=true_pose,
-        error=errors(trial, entry.run.objects)[0, :took],
-        region=regions(estimates, true_pose, entry.run.objects[task.truth]), radius=trial.radius_90[0, :took],
-        plane=beliefs if len(beliefs) == len(estimates) else None,
+        robot_in_object=pose, true_pose=true_pose, error=errors(trial, objects)[0, :took],
+        region=regions(estimates, true_pose, objects[of.task.truth]), radius=trial.radius_90[0, :took],
+        plane=of.plane,
     )  # fmt: skip
 
 
@@ -250,3 +276,38 @@ def _same(trial: Trials, recorded: Trials) -> bool:
         and np.array_equal(recorded.label[row], trial.label)
         and np.allclose(recorded.pose[row], trial.pose, rtol=0, atol=1e-6)
     )
+
+
+def drawing(label: str, scan: Scan, shape_files: Sequence[Path] = ()) -> list[FloatArray] | None:
+    """Give the contours that an object was drawn with, (k, 2) mm each, in its own frame; None if nobody knows them.
+
+    A letter of a simulated scan has the catalogue's outline, a shape of `shape_files` that of its file.
+    """
+    if "options" in scan.meta and label in models.names():
+        return [np.asarray(contour) for contour in models.letter(label).contours]
+    for path in shape_files:
+        if path.stem == label:
+            return [np.asarray(contour) for contour in models.shape(path).contours]
+    return None
+
+
+def map_outline(label: str, maps: Mapping[str, OccupancyMap]) -> list[FloatArray]:
+    """Find where a map says that occupied and empty are equally likely: contours (k, 2) mm, none without a map."""
+    if label not in maps:
+        return []
+    from contourpy import contour_generator
+
+    chart = maps[label]
+    rows, columns = chart.log_odds.shape
+    lines = contour_generator(
+        chart.origin[0] + chart.cell * np.arange(columns),
+        chart.origin[1] + chart.cell * np.arange(rows),
+        chart.log_odds,
+    ).lines(0.0)
+    return [np.asarray(line) for line in lines if len(line) > 8]
+
+
+def taxel_size(scan: Scan) -> list[float]:
+    """Guess a taxel's width and height, mm, from the usual spacing of the taxels' centres."""
+    gaps = [np.diff(np.unique(np.round(scan.taxel_xy[:, axis], 3))) for axis in (0, 1)]
+    return [round(0.94 * float(np.median(gap)), 3) if len(gap) else 1.0 for gap in gaps]

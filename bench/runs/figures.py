@@ -1,17 +1,21 @@
-"""The pictures of a run: accuracy and error against readings (the paper's figure 7), maps (figure 4)."""
+"""What draws every curve, and the pictures of a run: accuracy and error by reading (the paper's figure 7), maps (4)."""
 
 from __future__ import annotations
 
+import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
 from io import BytesIO
-from typing import Any
+from typing import Any, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
@@ -21,22 +25,87 @@ from tactsim.bench.results import Run
 from tactsim.bench.score import error_limits
 from tactsim.core import InputError
 from tactsim.core.errors import counted
+from tactsim.core.poses import FloatArray
 from tactsim.models import Letter
 
-BLUE, ORANGE, GREY = "#3366aa", "#cc6633", "#666666"
+# In files colours are those of a light page; `embedded` gives them back their names, for a page that may be dark.
+_NAMES = {
+    light: f"var({name})"
+    for name, light in re.findall(
+        r"(--[\w-]+): light-dark\((#\w+)",
+        (files("tactsim.bench") / "report/assets/page.css").read_text(encoding="utf-8"),
+    )
+}
+_COLOUR_OF = {name: light for light, name in _NAMES.items()}
+INK, SOFT, GRID, FRONTIER = (_COLOUR_OF[f"var(--{name})"] for name in ("ink", "soft", "grid", "frontier"))
+# One colour a method, in order; the page has the same.
+COLOURS = tuple(light for light, name in _NAMES.items() if re.fullmatch(r"var\(--m\d+\)", name))
+BLUE, ORANGE = COLOURS[:2]
 
+Figures: TypeAlias = Sequence[float | None] | FloatArray  # one after each reading
 
 # What of a file's metadata would differ from one time to the next.
 _DATES = {"svg": "Date", "png": "Software", "pdf": "CreationDate"}
 
 
-def as_bytes(figure: Figure, kind: str = "png", dpi: int = 150) -> bytes:
-    """Give a figure as PNG, SVG or PDF, without a date so that equal figures are equal bytes."""
+def as_bytes(figure: Figure, kind: str = "png", dpi: int = 150, salt: str = "tactsim") -> bytes:
+    """Give a figure as PNG, SVG or PDF, without a date so that equal figures are equal bytes. salt: of names in SVG."""
     content = BytesIO()
     # Fonts as TrueType: publishers refuse Type 3, the default.
-    with mpl.rc_context({"svg.hashsalt": "tactsim", "pdf.fonttype": 42}):
+    with mpl.rc_context({"svg.hashsalt": salt, "pdf.fonttype": 42}):
         figure.savefig(content, format=kind, dpi=dpi, metadata={_DATES[kind]: None})
     return content.getvalue()
+
+
+def embedded(figure: Figure, name: str, words: str) -> Markup:
+    """Give a figure as SVG for a page, without a style of its own, in the page's colours and type.
+
+    name: unique in the page. words: what it shows, for who does not see it. An artist's gid becomes a class.
+    """
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        drawn = as_bytes(figure, "svg", salt=name).decode()
+    drawn = drawn[drawn.index("<svg") :].partition(">")[2]
+    view = f"0 0 {72 * figure.get_figwidth():g} {72 * figure.get_figheight():g}"
+    drawn = re.sub(r"<(metadata|style|!--).*?(</\1>|-->)", "", drawn, flags=re.DOTALL)
+    drawn = re.sub(
+        r'<g id="(?:([a-z]+(?:-\d+)?)|[^"]*)"', lambda g: f'<g class="{g[1]}"' if g[1] else "<g", drawn
+    )
+    drawn = re.sub(r'style="([^"]*)"', _attributes, drawn)
+    drawn = re.sub(r"(\d\.\d\d)\d+", r"\1", drawn)
+    head = f'<svg class="plot" role="img" aria-label="{escape(words)}" viewBox="{view}">'
+    return Markup(head + re.sub(r"\n\s*", "\n", drawn))
+
+
+def _attributes(style: re.Match[str]) -> str:
+    """Write a style as attributes, which a page's policy allows, with its colours by name."""
+    pairs = dict(one.split(": ", 1) for one in style[1].strip("; ").split("; ") if one)
+    font = pairs.pop("font", None)
+    if font:
+        pairs["font-size"] = re.findall(r"[\d.]+px", font)[0]
+    return " ".join(f'{name}="{_NAMES.get(value, value)}"' for name, value in pairs.items())
+
+
+def draw_curve(
+    axes: Axes, values: Figures, low: Figures | None = None, high: Figures | None = None, *,
+    color: str, band: str | None = None, gid: str | None = None, **style: Any,
+) -> list[Line2D]:  # fmt: skip
+    """Draw figures (n,) after each reading, None where there is none, within their interval; returns the line.
+
+    band: what a legend says of the interval. style: of the line.
+    """
+    seen = np.arange(1, len(values) + 1)
+    if low is not None and high is not None:
+        below, above = (np.array(end, dtype=float) for end in (low, high))
+        axes.fill_between(seen, below, above, color=color, alpha=0.15, lw=0, label=band, gid=gid)
+    return axes.plot(seen, np.array(values, dtype=float), color=color, gid=gid, **{"lw": 1.5, **style})
+
+
+def draw_frontier(axes: Axes, corners: Iterable[tuple[float, float]]) -> None:
+    """Draw behind all else what no point is at once left of and below."""
+    axes.plot(
+        *np.array(sorted(corners)).reshape(-1, 2).T, color=FRONTIER, lw=7, alpha=0.35, solid_capstyle="round",
+        zorder=0, drawstyle="steps-post",
+    )  # fmt: skip
 
 
 def plain_log(axis: Axis) -> None:
@@ -96,15 +165,13 @@ def draw_curves(run: Run, ax: Any) -> Any:
 
 def _draw_accuracy(run: Run, axes: Axes) -> None:
     summary = run.summary
-    number = np.arange(1, run.readings + 1)
-    axes.fill_between(
-        number, summary["accuracy_low"], summary["accuracy_high"], color=BLUE, alpha=0.2, lw=0,
-        label="95 % Wilson interval",
-    )  # fmt: skip
-    axes.plot(number, summary["accuracy"], color=BLUE, lw=1.8, label="accuracy")
+    band = summary["accuracy_low"], summary["accuracy_high"]
+    draw_curve(
+        axes, summary["accuracy"], *band, color=BLUE, band="95 % Wilson interval", lw=1.8, label="accuracy"
+    )
     if summary["all_right_from"] is not None:
         axes.axvline(
-            summary["all_right_from"], color=GREY, lw=0.8, ls=":",
+            summary["all_right_from"], color=SOFT, lw=0.8, ls=":",
             label=f"all right from {summary['all_right_from']}",
         )  # fmt: skip
     axes.set(ylim=(0, 1.02), ylabel="share of trials right")
@@ -114,16 +181,15 @@ def _draw_accuracy(run: Run, axes: Axes) -> None:
 
 def _draw_error(run: Run, axes: Axes) -> None:
     error, spread, error_all = run.error_mm, run.error_standard_error_mm, run.error_all_mm
-    low, high = error_limits([error, error_all, error + Z_95 * spread], run.bound_mm)
-    number = np.arange(1, run.readings + 1)
-    axes.fill_between(
-        number, np.clip(error - Z_95 * spread, low, None), error + Z_95 * spread, color=ORANGE, alpha=0.2, lw=0,
-        label="95 % interval of the mean",
+    below, above = error - Z_95 * spread, error + Z_95 * spread
+    low, high = error_limits([error, error_all, above], run.bound_mm)
+    draw_curve(
+        axes, np.maximum(error, low), np.clip(below, low, None), above, color=ORANGE,
+        band="95 % interval of the mean", lw=1.8, label="where the letter is right",
     )  # fmt: skip
-    axes.plot(number, np.maximum(error, low), color=ORANGE, lw=1.8, label="where the letter is right")
     if np.isfinite(run.bound_mm).any():
-        axes.plot(number, run.bound_mm, color="black", lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
-    axes.plot(number, np.maximum(error_all, low), color=GREY, lw=1, ls="--", label="over all trials")
+        draw_curve(axes, run.bound_mm, color=INK, lw=1, ls=(0, (5, 3)), label="Cramer-Rao bound")
+    draw_curve(axes, np.maximum(error_all, low), color=SOFT, lw=1, ls="--", label="over all trials")
     axes.set(ylim=(low, high), yscale="log", ylabel="placement error, mm")
     plain_log(axes.yaxis)
     axes.yaxis.set_minor_locator(NullLocator())

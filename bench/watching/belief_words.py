@@ -9,7 +9,7 @@ import numpy as np
 
 from tactsim.bench.pad.simulated_hand import SimulatedHand
 from tactsim.bench.placement import Properties, certainty, placement_error, properties
-from tactsim.bench.report.page import drawing, map_outline
+from tactsim.bench.report.recognition import drawing, map_outline
 from tactsim.bench.results import BADLY_EXPLAINED
 from tactsim.bench.watching.pad_view import taxels_of
 from tactsim.bench.watching.recogniser import Belief

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,26 +14,24 @@ from tactsim.bench.experiment import gather, plan_of, silent
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE, check_page
 from tactsim.bench.report.page import Arrays
-from tactsim.bench.report.recognition import trials_to_show
+from tactsim.bench.report.picture import alone
+from tactsim.bench.report.recognition import Again, do_again, trials_to_show
 from tactsim.bench.results import Run
 from tactsim.bench.score import Scored
-from tactsim.bench.trials import Progress, Touch, TrialPlan, run_trial
+from tactsim.bench.trials import Progress, TrialPlan
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, counted
 from tactsim.core.files import write_text
 from tactsim.core.poses import FloatArray
-from tactsim.estimators import Estimate
-from tactsim.estimators.estimator import no_exit
 from tactsim.solids.config import SpaceConfig
+from tactsim.solids.pictures import CURVES, draw_over_touches
 from tactsim.solids.score import SpaceTrials, angle
 from tactsim.solids.surface_distance import drawn_evenly
 
 _REPORT, _SPACE = "report/assets/", "/solids/assets/"
-_CURVES = {
-    "accuracy": "accuracy", "accuracyLow": "accuracy_low", "accuracyHigh": "accuracy_high",
-    "error": "error_mm", "errorLow": "error_low_mm", "errorHigh": "error_high_mm", "errorMedian": "error_median_mm",
-    "angle": "angle_deg", "angleLow": "angle_low_deg", "angleHigh": "angle_high_deg",
+_VALUES = {
+    "accuracy": "accuracy", "error": "error_mm", "errorMedian": "error_median_mm", "angle": "angle_deg",
     "angleMedian": "angle_median_deg", "coverage": "coverage_90",
 }  # fmt: skip
 _DOTS = 24  # surface points of each pose of a belief
@@ -48,7 +45,7 @@ def write_space_page(
     Raises InputError if `out` cannot be written.
     """
     check_page(out)
-    replayed: dict[str, list[Replayed]] = {}
+    replayed: dict[str, list[Again]] = {}
     remarks = list(remarks)
     for number, (name, run) in enumerate(runs.items()):
         progress("replay", number, len(runs))
@@ -61,7 +58,7 @@ def write_space_page(
     return [out], remarks
 
 
-def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Replayed]], remarks: Sequence[str]) -> str:
+def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Again]], remarks: Sequence[str]) -> str:
     """Make the HTML of the page. The same runs give the same page."""
     arrays = Arrays()
     first = next(iter(runs.values()))
@@ -98,13 +95,16 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Replayed]], re
         f"{_REPORT}page.html",
         scripts=[
             f"{_REPORT}base.js",
-            f"{_REPORT}charts.js",
             f"{_REPORT}tables.js",
             f"{_SPACE}scene.js",
             f"{_SPACE}space.js",
         ],
         styles=[f"{_REPORT}page.css", f"{_SPACE}space.css"],
         title=f"{REPORT_TITLE}objects in space, {counted(len(runs), 'run')}",
+        plots={
+            f"plot-{curve}": alone(partial(draw_over_touches, runs=runs, name=curve), f"plot-{curve}", words)
+            for curve, (_, _, words) in CURVES.items()
+        },
         data=data,
         arrays=arrays.text(),
     )
@@ -119,16 +119,17 @@ def _run(name: str, run: Run) -> dict[str, Any]:
         objects[label] = {**values, "taken": ", ".join(f"{other} {n}" for other, n in wrong.most_common(3))}
     return {
         "label": f"{run.config['estimator']} ({name}), {counted(len(trials.truth), 'trial')}",
-        **{key: summary[of] for key, of in _CURVES.items()},
+        **{key: summary[of] for key, of in _VALUES.items()},
         "settled": summary["settled_95"],
         "seconds": float(trials.seconds.sum(axis=1).mean()),
         "objects": objects,
     }
 
 
-def _trial(name: str, run: Run, of: Replayed, labels: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+def _trial(name: str, run: Run, of: Again, labels: Sequence[str], arrays: Arrays) -> dict[str, Any]:
     trials, scored = of.trials, Scored(of.trials, run.objects)
-    place = [of.labels.index(label) if label in of.labels else None for label in labels]
+    assert isinstance(trials, SpaceTrials)
+    poses = beliefs(of)
 
     def listed(values: Any) -> list[float | None]:
         return [None if np.isnan(value) else round(float(value), 4) for value in values]
@@ -143,13 +144,13 @@ def _trial(name: str, run: Run, of: Replayed, labels: Sequence[str], arrays: Arr
         "error": listed(np.where(trials.named, scored.error, np.nan)[0]),
         "angle": listed(np.where(trials.named, angle(scored), np.nan)[0]),
         "probabilities": [
-            [0.0 if at is None else round(float(row[at]), 5) for at in place] for row in of.probabilities
+            [round(one.probabilities.get(label, 0.0), 5) for label in labels] for one in of.estimates
         ],
         "truePose": arrays.add(rigid.invert(trials.true_pose[0, 0]), "f4"),
         "pose": arrays.add(rigid.invert(trials.pose[0]), "f4"),
-        "sensors": arrays.add(of.sensors, "f4"),
-        "readings": arrays.add(of.readings, "f4"),
-        "belief": None if of.belief is None else arrays.add(of.belief, "f4"),
+        "sensors": arrays.add([touch.sensor_in_robot for touch in of.touches], "f4"),
+        "readings": arrays.add([touch.reading for touch in of.touches], "f4"),
+        "belief": None if poses is None else arrays.add(poses, "f4"),
     }
 
 
@@ -164,55 +165,20 @@ def _taxels(run: Run) -> tuple[list[list[float]], float]:
 SHOWN = 40  # poses of a belief
 
 
-@dataclass(frozen=True, eq=False)
-class Replayed:
-    """One trial of a run, touch by touch, r touches with m pads; poses are in the robot's frame.
-
-    kind: "typical" or "hardest". trials: the trial. readings: (r, m, taxels) kPa. sensors: (r, m, 7). probabilities:
-    (r, labels), in the order of `labels`. belief: (r, SHOWN, 7) object_in_robot, drawn evenly by weight from the
-    estimator's samples for the label that it names; None if it gives none.
-    """
-
-    kind: str
-    trials: SpaceTrials
-    labels: tuple[str, ...]
-    readings: FloatArray
-    sensors: FloatArray
-    probabilities: FloatArray
-    belief: FloatArray | None
-
-
-def replay(run: Run) -> list[Replayed]:
+def replay(run: Run) -> list[Again]:
     """Do a typical trial of a run and the hardest again. Raises InputError if its readings cannot be had again."""
     plan = run.plan or _plan_anew(run)
-    estimator = plan.fitted()
-    labels = plan.scan.letters
-    found = []
-    for kind, task in trials_to_show([run.trials]).items():
-        seen: list[tuple[Estimate, Touch]] = []
-        with no_exit(estimator):
-            trials = run_trial(
-                estimator, plan.scan.where("test", task.truth), task, plan.rules, letters=labels,
-                of=run.objects[task.truth], observe=partial(_keep, seen),
-            )  # fmt: skip
-        assert isinstance(trials, SpaceTrials)
-        estimates, touches = zip(*seen, strict=True)
-        samples = [one.samples for one in estimates if one.samples is not None]
-        found.append(
-            Replayed(
-                kind, trials, labels, np.array([touch.reading for touch in touches]),
-                np.array([touch.sensor_in_robot for touch in touches]),
-                np.array([[one.probabilities.get(label, 0.0) for label in labels] for one in estimates]),
-                np.array([rigid.invert(drawn_evenly(one, SHOWN)) for one in samples])
-                if len(samples) == len(estimates)
-                else None,
-            )
-        )  # fmt: skip
-    return found
+    return do_again(plan, trials_to_show([run.trials]), plan.fitted(), run.objects)
 
 
-def _keep(seen: list[tuple[Estimate, Touch]], estimate: Estimate, touch: Touch) -> None:
-    seen.append((estimate, touch))
+def beliefs(of: Again) -> FloatArray | None:
+    """Draw poses from what is believed of the label that is named, evenly by weight: (r, SHOWN, 7) object_in_robot.
+
+    None if the estimator gives no samples.
+    """
+    if any(one.samples is None for one in of.estimates):
+        return None
+    return np.array([rigid.invert(drawn_evenly(one.samples, SHOWN)) for one in of.estimates if one.samples])
 
 
 def _plan_anew(run: Run) -> TrialPlan:

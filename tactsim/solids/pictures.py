@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from tactsim.bench.results import Run
-from tactsim.bench.runs.figures import BLUE, GREY, ORANGE, Picture, over_readings, plain_log
+from tactsim.bench.runs.figures import COLOURS, SOFT, Picture, draw_curve, over_readings, plain_log
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
 
@@ -19,33 +20,23 @@ if TYPE_CHECKING:
 _AIMS = {"error_mm": 1.0, "angle_deg": 5.0}  # what a part is wanted to be found to, a dotted line
 
 
+# The curves: their names, those of their band and their median, and what an axis says.
+CURVES = {
+    "accuracy": (("accuracy_low", "accuracy_high"), None, "share of trials right"),
+    "error_mm": (("error_low_mm", "error_high_mm"), "error_median_mm", "mean surface distance, mm"),
+    "angle_deg": (("angle_low_deg", "angle_high_deg"), "angle_median_deg", "angle, degrees"),
+}
+
+
 def touches_figure(run: Run) -> Picture:
     """Draw accuracy with its Wilson band, and surface distance and angle with their bootstrap bands."""
-    number = np.arange(1, run.readings + 1)
-
-    def curve(name: str) -> FloatArray:
-        return np.array(run.summary[name], dtype=float)  # NaN for None
-
     figure = Picture(figsize=(11, 3.6), layout="constrained")
-    right, error, angle = figure.subplots(1, 3)
-    panels = (
-        (right, "accuracy", ("accuracy_low", "accuracy_high"), "share of trials right", BLUE),
-        (error, "error_mm", ("error_low_mm", "error_high_mm"), "mean surface distance, mm", ORANGE),
-        (angle, "angle_deg", ("angle_low_deg", "angle_high_deg"), "angle, degrees", ORANGE),
-    )
-    for axes, name, band, words, colour in panels:
-        axes.fill_between(number, *map(curve, band), color=colour, alpha=0.2, lw=0)
-        axes.plot(number, curve(name), color=colour, lw=1.8, label="mean" if name in _AIMS else None)
-        if name in _AIMS:
-            median = name.replace("_", "_median_")
-            axes.plot(number, curve(median), color=GREY, lw=1, ls="--", label="median")
-            axes.axhline(_AIMS[name], color=GREY, lw=0.8, ls=":", label="wanted")
-            axes.set_yscale("log")
-            plain_log(axes.yaxis)
+    for axes, (name, (_, median, words)) in zip(figure.subplots(1, 3), CURVES.items(), strict=True):
+        draw_over_touches(axes, {"mean": run}, name)
+        axes.set_ylabel(words)
+        if median:
+            draw_curve(axes, run.summary[median], color=SOFT, lw=1, ls="--", label="median")
             axes.legend(frameon=False)
-        over_readings(axes, run.readings)
-        axes.set(xlabel="touches", ylabel=words)
-    right.set_ylim(0, 1.02)
     figure.suptitle(
         f"{run.config['estimator']}: {counted(len(run.trials.truth), 'trial')} over "
         f"{counted(len(run.letters), 'object')}, {run.about['protocol']}; bands: 95 %",
@@ -53,6 +44,23 @@ def touches_figure(run: Run) -> Picture:
         parse_math=False,
     )
     return figure
+
+
+def draw_over_touches(axes: Axes, runs: Mapping[str, Run], name: str) -> None:
+    """Draw one of `CURVES` of several runs, by name, each in its own colour, and what is aimed at."""
+    (low, high), median, _ = CURVES[name]
+    for number, (label, run) in enumerate(runs.items()):
+        colour = COLOURS[number % len(COLOURS)]
+        summary = run.summary
+        draw_curve(axes, summary[name], summary[low], summary[high], color=colour, lw=1.8, label=label)
+    if median:
+        axes.axhline(_AIMS[name], color=SOFT, lw=0.8, ls=":", label="wanted")
+        axes.set_yscale("log")
+        plain_log(axes.yaxis)
+    else:
+        axes.set_ylim(0, 1.02)
+    over_readings(axes, max(run.readings for run in runs.values()))
+    axes.set_xlabel("touches")
 
 
 # Each side: where the picture's right and up point, in the object frame; one looks along -(right x up).

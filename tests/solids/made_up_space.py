@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from tactsim.bench.report.recognition import Again
 from tactsim.bench.results import Run
+from tactsim.bench.trials import OneTrial, Touch
 from tactsim.core import rigid
+from tactsim.estimators.estimator import Estimate, PoseSamples
 from tactsim.solids.config import SpaceConfig
-from tactsim.solids.page import Replayed
 from tactsim.solids.score import SpaceTrials
 from tactsim.solids.surface_distance import Surface
 
@@ -70,8 +72,16 @@ def make_replayed(run, at=0, pads=2, kind="typical"):
     near = np.concatenate(
         [rng.normal(scale=1, size=(40, 3)), rigid.from_vector(rng.normal(scale=0.1, size=(40, 3)))], axis=-1
     )
-    belief = rigid.compose(rigid.invert(run.trials.pose[at])[:, None], near)
-    return Replayed(
-        kind, SpaceTrials(**one), OBJECTS, rng.uniform(0, 30, size=(run.readings, pads, 36)),
-        poses(rng, run.readings, pads), rng.dirichlet(np.ones(2), size=run.readings), belief,
-    )  # fmt: skip
+    estimates = [
+        Estimate(
+            label, dict(zip(OBJECTS, p, strict=True)), pose,
+            PoseSamples(rigid.compose(pose, near), np.full(40, 1 / 40)),
+        )
+        for label, p, pose in zip(
+            one["label"][0], rng.dirichlet(np.ones(2), size=run.readings), run.trials.pose[at], strict=True
+        )
+    ]  # fmt: skip
+    touches = [Touch(k, rng.uniform(0, 30, size=(pads, 36)), poses(rng, pads)) for k in range(run.readings)]
+    trials = SpaceTrials(**one)
+    task = OneTrial(str(trials.truth[0]), int(trials.trial[0]))
+    return Again(task, kind, trials, estimates, touches, None)

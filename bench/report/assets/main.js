@@ -12,7 +12,6 @@ function header() {
 const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h3", {}, title), content);
 
 function readingsSection(task) {
-  const spec = (run) => ({ method: run.method, dash: run.dash, run });
   const ranks = new Map();
   for (const run of [...task.runs].reverse()) {
     const rank = ranks.get(run.method) || 0;
@@ -21,28 +20,10 @@ function readingsSection(task) {
     ranks.set(run.method, rank + 1);
   }
   const visible = new Set(task.runs.filter((run) => task.runs.length <= 6 || run.rank === 0).slice(0, 8));
-  const series = (value, low, high) => (run) => ({ ...spec(run), values: run[value], low: run[low], high: run[high] });
-  const accuracy = series("accuracy", "accuracyLow", "accuracyHigh");
-  const error = series("error", "errorLow", "errorHigh");
-  const bounded = task.runs.find((run) => run.bound.some((value) => value !== null));
-  const bound = bounded ? [{ bound: true, dash: "5 3", values: bounded.bound }] : [];
-  const [low, high] = task.errorAxis;
-  const stars = task.printed.map((one) => ({ ...one, run: task.runs[one.run], x: one.readings, y: one.share }));
-
+  const plots = h("div", { class: "two" }, plot(`${task.plots}-share`, "Share of trials right"),
+    plot(`${task.plots}-error`, "Placement error where the letter is right, mm"));
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
-  const move = (k) => {
-    if (String(k) !== control.input.value) control.set(k);
-  };
-  const left = curves({
-    title: "Share of trials right", alt: "Accuracy against readings seen",
-    y: { kind: "linear", low: 0, high: 1 }, series: task.runs.map(accuracy), stars: stars.filter((one) => one.x <= last),
-  }, move);
-  const right = curves({
-    title: "Placement error where the letter is right, mm", alt: "Placement error against readings seen",
-    y: { kind: "log", low, high }, series: [...task.runs.map(error), ...bound],
-    levels: stars.filter((one) => one.error !== null).map((one) => ({ y: one.error, text: `the paper: ${one.error} mm` })),
-  }, move);
   const values = runsTable([
     ["right", (run, k) => within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)],
     ["error, mm", (run, k) => within(run.error[k], run.errorLow[k], run.errorHigh[k], 2)],
@@ -70,16 +51,15 @@ function readingsSection(task) {
   ];
 
   function update(reading) {
-    const shown = task.runs.filter((run) => visible.has(run));
-    left.show(shown.map(accuracy), reading);
-    right.show([...shown.map(error), ...bound], reading);
-    values.show(shown, reading);
+    task.runs.forEach((run, i) => plots.querySelectorAll(`.run-${i}`).forEach((part) => part.classList.toggle("off", !visible.has(run))));
+    values.show(task.runs.filter((run) => visible.has(run)), reading);
   }
   update(Math.min(10, last));
+  const bounded = task.runs.some((run) => run.bound.some((value) => value !== null));
   return section("Accuracy and error against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
-    h("div", { class: "two" }, left.box, right.box),
-    h("p", { class: "hint" }, `${bandWords(task)}${bounded ? " Dashed in grey: the Cramer-Rao bound of the error." : ""}${stars.length ? " Stars: what the paper prints." : ""}`),
+    plots,
+    h("p", { class: "hint" }, `${bandWords(task)}${bounded ? " Dashed in the colour of the text: the Cramer-Rao bound of the error." : ""}${task.printed.length ? " Stars and dotted lines: what the paper prints." : ""}`),
     task.notes.map((note) => h("p", { class: "hint" }, note)),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen reading", values.table));
@@ -116,27 +96,14 @@ function paperSection(task) {
 // Uncertainty and its calibration: regions of the pose, and the letter's probability. Methods without
 // samples have no regions.
 function certaintySection(task) {
-  const right = reliability({
-    title: "Share right against the probability stated", alt: "Reliability diagram of the letter's probability.",
-    points: task.runs.flatMap((run) => run.reliability.map((bin) => ({
-      ...bin, run,
-      text: `${run.label}: ${bin.count} estimates stated with ${fixed(bin.p, 3)} on average, of which ${fixed(bin.right, 3)} are right`,
-    }))),
-  });
+  const right = plot(`${task.plots}-stated`, "Share right against the probability stated");
   const marked = "all readings of all trials; the larger a mark, the more estimates it stands for.";
   const title = "Uncertainty and its calibration";
-  const sure = task.runs.filter((run) => run.coverage90.some((value) => value !== null));
-  if (!sure.length) return section(title, h("div", { class: "two" }, right), h("p", { class: "hint" }, `Dashed: as it should be. Marks: ${marked}`));
+  const sure = task.runs.some((run) => run.coverage90.some((value) => value !== null));
+  if (!sure) return section(title, h("div", { class: "two" }, right), h("p", { class: "hint" }, `Dashed: as it should be. Marks: ${marked}`));
 
   const last = Math.max(...task.runs.map((run) => run.readings));
-  const held = (run) => ({ method: run.method, dash: run.dash, values: run.coverage90 });
   const control = slider("How sure at reading", last, Math.min(10, last), update);
-  const left = curves({
-    title: "Share of 90 % regions that hold the truth", alt: "Coverage of the 90 % regions against readings seen",
-    y: { kind: "linear", low: 0, high: 1, ideal: 0.9 }, series: sure.map(held),
-  }, (k) => {
-    if (String(k) !== control.input.value) control.set(k);
-  });
   const values = runsTable([
     ["90 % regions that hold the truth", (run, k) => fixed(run.coverage90[k], 3)],
     ["50 % regions", (run, k) => fixed(run.coverage50[k], 3)],
@@ -144,13 +111,12 @@ function certaintySection(task) {
     ["error, mm", (run, k) => fixed(run.error[k], 2)],
   ]);
   function update(reading) {
-    left.show(sure.map(held), reading);
     values.show(task.runs, reading);
   }
   update(Math.min(10, last));
   return section(title,
     h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
-    h("div", { class: "two" }, left.box, right),
+    h("div", { class: "two" }, plot(`${task.plots}-held`, "Share of 90 % regions that hold the truth"), right),
     h("p", { class: "hint" }, `Dashed: as it should be. Left: over the trials whose letter is right. Right: ${marked}`),
     h("div", { class: "controls" }, control.field),
     scrolling("How sure at the chosen reading", values.table));
@@ -158,32 +124,10 @@ function certaintySection(task) {
 
 function paretoSection(task, methods) {
   const points = task.pareto.map((point) => ({ ...point, of: task.runs[point.run], ms: 1e3 * point.seconds }));
-  const xName = "processor time of a recognition, ms";
-  const words = (point) =>
-    `${point.of.label}: ${plain(point.ms)} ms; error ${fixed(point.error, 2)} mm; 95 % settled${point.settled ? ` by ${point.settled}` : `: not yet by reading ${task.readings}`}`;
-  const placed = points.filter((point) => point.error !== null);
-  const errors = placed.flatMap((point) => [point.error, point.low, point.high]).filter((value) => value > 0);
-  const late = task.readings * 1.35;
-  const ticks = [1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150].filter((tick) => tick <= task.readings);
-  const never = points.some((point) => point.settled === null);
-  const settled = points.map((point) => point.settled ?? late);
-  const common = (point) => ({ method: point.of.method, x: point.ms, budget: point.of.budget, text: words(point) });
-  const left = errors.length > 0 && scatter({
-    title: `Placement error after ${task.readings} readings, mm`, alt: "Computing time against placement error.", xName,
-    y: { kind: "log", low: Math.max(Math.min(...errors) / 1.15, task.errorAxis[0]), high: Math.max(...errors) * 1.15 },
-    points: placed.map((point) => ({ ...common(point), y: Math.max(point.error, task.errorAxis[0]), low: point.low, high: point.high, frontier: point.errorFrontier })),
-  });
-  const right = scatter({
-    title: "Readings until 95 % of the trials are and stay right", alt: "Computing time against readings needed.", xName,
-    y: {
-      kind: "log", low: Math.max(0.8, Math.min(...settled) / 1.25), high: never ? late * 1.1 : Math.max(...settled) * 1.2,
-      ticks: [...ticks.filter((tick) => tick >= Math.min(...settled) / 1.25 && tick <= Math.max(...settled) * 1.2), ...(never ? [late] : [])],
-      format: (value) => (value > task.readings ? "later" : plain(value)),
-    },
-    points: points.map((point) => ({ ...common(point), y: point.settled ?? late, frontier: point.settledFrontier })),
-  });
+  const left = points.some((point) => point.error !== null) && plot(`${task.plots}-time`, `Placement error after ${task.readings} readings, mm`);
+  const right = plot(`${task.plots}-settled`, "Readings until 95 % of the trials are and stay right");
   const used = [...new Set(task.runs.map((run) => run.method))];
-  const legend = h("ul", { class: "keys" }, used.map((method) => h("li", {}, swatch(method), methods[method])), h("li", {}, h("span", { class: "ring-key" }), "on the frontier"));
+  const legend = h("ul", { class: "keys" }, used.map((method) => h("li", {}, swatch(method), methods[method])), h("li", {}, "Thick: the frontier"));
   const yes = (flag) => (flag ? "yes" : "");
   const table = h("table", { class: "values" },
     heads(["run", "ms a recognition", "error, mm", "on its frontier", "95 % settled by", "on its frontier"]),

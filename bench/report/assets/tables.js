@@ -1,5 +1,38 @@
 // Tables: headlines, conditions, confusion, and the values behind plots.
 
+// The plot of that name, as it was drawn for the page.
+const plot = (name, title) => h("figure", { class: "chart" }, h("figcaption", {}, title), document.getElementById(name).content.cloneNode(true));
+
+const DASHES = ["", "7 4", "2 4", "9 3 2 3", "1 3"];
+
+// A marker's outline about (0, 0) with radius r; the shape tells methods apart without colour.
+function mark(number, r) {
+  const polygon = (corners, turn) =>
+    "M" +
+    Array.from({ length: corners }, (_, i) => {
+      const angle = turn + (2 * Math.PI * i) / corners;
+      return `${(1.2 * r * Math.cos(angle)).toFixed(2)} ${(1.2 * r * Math.sin(angle)).toFixed(2)}`;
+    }).join("L") +
+    "Z";
+  const q = r / 2.4;
+  return [
+    `M${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`,
+    polygon(4, Math.PI / 4),
+    polygon(4, 0),
+    polygon(3, -Math.PI / 2),
+    polygon(3, Math.PI / 2),
+    `M${-q} ${-r}H${q}V${-q}H${r}V${q}H${q}V${r}H${-q}V${q}H${-r}V${-q}H${-q}Z`,
+    polygon(6, 0),
+    polygon(5, -Math.PI / 2),
+  ][(number + Math.floor(number / COLOURS)) % MARKS];
+}
+
+// How a method's curve looks: its line with its marker.
+const lineSwatch = (method, dash) =>
+  s("svg", { class: "swatch", width: 26, height: 14, viewBox: "0 0 26 14", "aria-hidden": "true" },
+    s("path", { class: `line m${method % COLOURS}`, "stroke-dasharray": dash, d: "M1 7H25" }),
+    s("path", { class: `mark m${method % COLOURS}`, d: mark(method, 3.6), transform: "translate(13 7)" }));
+
 // A table that scrolls sideways by itself, so that the page never does.
 function scrolling(label, table) {
   const box = h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, table);

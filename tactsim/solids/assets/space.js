@@ -5,20 +5,12 @@ const section = (title, ...content) => h("section", { class: "block", "aria-labe
 function curvesSection() {
   const last = Math.max(...data.runs.map((run) => run.accuracy.length));
   const plots = [
-    ["Share of trials right", "accuracy", ["accuracyLow", "accuracyHigh"], null],
-    ["Mean surface distance where the object is right, mm", "error", ["errorLow", "errorHigh"], 1],
-    ["Angle where the object is right, degrees", "angle", ["angleLow", "angleHigh"], 5],
-  ].map(([title, name, [low, high], aim]) => {
-    const known = data.runs.flatMap((run) => run[name]).filter((value) => value > 0).concat(aim || []);
-    const y = aim
-      ? { kind: "log", low: Math.min(...known) / 1.3, high: Math.max(...known) * 1.3, ideal: aim }
-      : { kind: "linear", low: 0, high: 1 };
-    const series = data.runs.map((run, i) => ({ method: i, dash: "", values: run[name], low: run[low], high: run[high] }));
-    return [curves({ title, alt: `${title}, against touches`, xName: "touches", y, series }, (k) => control.set(k)), series];
-  });
+    ["Share of trials right", "accuracy"],
+    ["Mean surface distance where the object is right, mm", "error_mm"],
+    ["Angle where the object is right, degrees", "angle_deg"],
+  ].map(([title, name]) => plot(`plot-${name}`, title));
   const values = h("tbody");
   const control = slider("Values at touch", last, last, (touch) => {
-    for (const [plot, series] of plots) plot.show(series, touch);
     const k = touch - 1;
     values.replaceChildren(...data.runs.map((run, i) =>
       h("tr", {}, h("th", { scope: "row" }, lineSwatch(i), run.label),
@@ -28,8 +20,8 @@ function curvesSection() {
   });
   control.set(last);
   return section("Accuracy and error against touches",
-    h("div", { class: "three" }, plots.map(([plot]) => plot.box)),
-    h("p", { class: "hint" }, "Bands: 95 % intervals. Surface distance and angle are the least over the object's symmetry. Dashed: 1 mm and 5 degrees."),
+    h("div", { class: "three" }, plots),
+    h("p", { class: "hint" }, "Bands: 95 % intervals. Surface distance and angle are the least over the object's symmetry. Dotted: 1 mm and 5 degrees."),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen touch", h("table", { class: "values" },
       heads(["run", "right", "surface, mm", "median", "angle, deg", "median", "held by 90 %", "95 % settled by", "s a recognition"]), values)));
