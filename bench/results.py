@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -60,13 +61,15 @@ class Run:
     bounds: FloatArray | None = None
     shape_files: tuple[Path, ...] = ()
 
-    def __getattr__(self, name: str) -> Any:
-        """Give a metric of `bench list metrics`: a curve (readings,), NaN where undefined, or one of whole trials."""
-        if name in CURVES:
-            return np.array(self.summary[name], dtype=float)
-        if name in HEADLINES:
-            return self.summary[name]
-        raise AttributeError(f"a run has no {name}")
+    if not TYPE_CHECKING:  # which would let it stand for any name that was mistyped
+
+        def __getattr__(self, name: str) -> Any:
+            """Give a metric of `bench list metrics`: a curve (readings,), NaN where undefined, or of whole trials."""
+            if name in CURVES:
+                return np.array(self.summary[name], dtype=float)
+            if name in HEADLINES:
+                return self.summary[name]
+            raise AttributeError(f"a run has no {name}")
 
     @cached_property
     def scored(self) -> Scored:
@@ -274,7 +277,8 @@ class Run:
 
     @property
     def _headline(self) -> str:
-        summary, from_reading = self.summary, self.all_right_from
+        summary = self.summary
+        from_reading = summary["all_right_from"]
         error = summary["error_mm"][-1]
         return (
             f"accuracy {summary['accuracy'][-1]:.3f} [{summary['accuracy_low'][-1]:.3f}, "
@@ -289,7 +293,8 @@ class Run:
         )
 
     def _repr_html_(self) -> str:
-        """Show the run in a notebook: what was tried, a small table and the curve of accuracy."""
+        """Show the run in a notebook: what was tried, a small table and the curves."""
+        picture = base64.b64encode(self.plot().png(dpi=70)).decode()
         rows = "".join(
             "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
             for cells in self._cells()
@@ -300,7 +305,8 @@ class Run:
             f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
             f"{html.escape(self._headline)}</p>"
             f"<div style='display:flex;gap:2em;align-items:flex-start'>"
-            f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{self._svg()}</div></div>"
+            f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+            f"<img alt='accuracy and error against readings' src='data:image/png;base64,{picture}'/></div></div>"
         )
 
     def _cells(self) -> Iterator[tuple[str, ...]]:
@@ -312,26 +318,6 @@ class Run:
             )
             shown = "" if error is None else f"{error:.2f}"
             yield str(reading), f"{accuracy:.3f}", f"{low:.3f} to {high:.3f}", shown
-
-    def _svg(self) -> str:
-        """Draw accuracy with its interval against the readings, 0 to 1, as inline SVG."""
-        width, height, left, below = 320, 160, 30, 20
-        x = left + (width - left - 5) * np.arange(self.readings) / max(self.readings - 1, 1)
-
-        def line(values: FloatArray) -> list[str]:
-            y = 5 + (height - below - 5) * (1 - values)
-            return [f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True)]
-
-        band = " ".join([*line(self.accuracy_low), *reversed(line(self.accuracy_high))])
-        return (
-            f"<svg width='{width}' height='{height}' role='img' aria-label='accuracy against readings' "
-            "font-size='10' fill='currentColor'>"
-            f"<polygon points='{band}' fill='#3366aa' opacity='0.25'/>"
-            f"<polyline points='{' '.join(line(self.accuracy))}' fill='none' stroke='#3366aa' stroke-width='2'/>"
-            f"<text x='2' y='12'>1.0</text><text x='2' y='{height - below}'>0.0</text>"
-            f"<text x='{left}' y='{height - 4}'>1</text>"
-            f"<text x='{width - 5}' y='{height - 4}' text-anchor='end'>{self.readings} readings</text></svg>"
-        )
 
 
 BADLY_EXPLAINED = (

@@ -180,7 +180,10 @@ def _draw_accuracy(run: Run, axes: Axes) -> None:
 
 
 def _draw_error(run: Run, axes: Axes) -> None:
-    error, spread, error_all = run.error_mm, run.error_standard_error_mm, run.error_all_mm
+    error, spread, error_all = (
+        np.array(run.summary[name], dtype=float)
+        for name in ("error_mm", "error_standard_error_mm", "error_all_mm")
+    )
     below, above = error - Z_95 * spread, error + Z_95 * spread
     low, high = error_limits([error, error_all, above], run.bound_mm)
     draw_curve(
