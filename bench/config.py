@@ -112,6 +112,9 @@ RECORDING: Final = "recording:"  # begins what stands for a scan's file where a 
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
 
 
+OF_READINGS = "of the readings"  # marks a field of which runs with the same readings have the same value
+
+
 @dataclass(frozen=True)
 class Flags:
     """The names of a field's option if they are not the field's own; none if the command line does not have it."""
@@ -232,7 +235,7 @@ class ScanWords(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
-    letters: Annotated[tuple[str, ...] | None, BeforeValidator(_letters)] = Field(
+    letters: Annotated[tuple[str, ...] | None, BeforeValidator(_letters), OF_READINGS] = Field(
         None,
         description="Which letters: AEIOU, A-Z0-9, A,E,I, or none beside shapes. Of a file its labels: bolt,nut. "
         "Default: AEIOU, or all that the file holds.",
@@ -314,7 +317,7 @@ class RunConfig(ScanWords):
     )
     particles: int | None = Field(None, ge=1, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
-    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out)] = Field(
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out), OF_READINGS] = Field(
         (),
         description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
         "in its own trials each letter is held out, the others are known.",
@@ -340,11 +343,11 @@ class RunConfig(ScanWords):
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
         "as the world says.",
     )
-    scan: Path | None = Field(
+    scan: Annotated[Path | None, OF_READINGS] = Field(
         None,
         description="Readings from a file instead of the press, or recording:NAME of a public one (`bench data`).",
     )
-    train_scan: Path | None = Field(
+    train_scan: Annotated[Path | None, OF_READINGS] = Field(
         None, description="Training readings from another file (train on simulated, test on recorded)."
     )
     train_presses: int | None = Field(
@@ -352,14 +355,14 @@ class RunConfig(ScanWords):
         ge=1,
         description="Learn from so many training presses of each letter, spread over it, and not from all.",
     )
-    presses: Path | None = Field(
+    presses: Annotated[Path | None, OF_READINGS] = Field(
         None,
         description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
     )
     bound: bool = Field(
         False, description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses."
     )
-    given: Annotated[str | None, Flags(())] = Field(
+    given: Annotated[str | None, Flags(()), OF_READINGS] = Field(
         None, description="Digest of the readings that were given in Python."
     )
     task: str | None = Field(
@@ -444,7 +447,7 @@ class RunConfig(ScanWords):
     def source(self) -> str:
         """Name the readings: runs with the same source share them."""
         pressed = self.scan_options.model_dump(mode="json") if self.pressed else None
-        words = self.model_dump(mode="json", include=_OF_SOURCE)
+        words = self.model_dump(mode="json", include=OF_SOURCE)
         # Which presses are left out may depend on the seed.
         left_out = [self.seed] if str(self.scan).startswith(RECORDING) else []
         if self.train_presses is not None:
@@ -464,10 +467,10 @@ class RunConfig(ScanWords):
         return hashlib.sha256(content.encode()).hexdigest()
 
 
-_OF_SOURCE = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+OF_SOURCE = {name for name, field in RunConfig.model_fields.items() if OF_READINGS in field.metadata}
 # What `RunConfig.digest` takes from `source`, `options` and `moving`; a task says other fields.
 _RESOLVED = {
-    *_OF_SOURCE, *ScanWords.model_fields, "train_presses", "set", "bins", "particles", "slip", "task",
+    *OF_SOURCE, *ScanWords.model_fields, "train_presses", "set", "bins", "particles", "slip", "task",
 } - {"seed"}  # fmt: skip
 
 

@@ -95,6 +95,20 @@ class Gathered:
     objects: Mapping[str, Any]
 
 
+@dataclass(frozen=True)
+class Pages:
+    """A report that is wanted: its runs, each with the folder that it is known by, its file, and remarks to begin with.
+
+    each_seed: whether runs that differ in the seed alone are shown each.
+    """
+
+    runs: Sequence[tuple[Path, Run]]
+    out: Path
+    remarks: Sequence[str]
+    each_seed: bool
+    progress: Progress
+
+
 class Kind:
     """One kind of run. What is not abstract here is what most kinds want.
 
@@ -214,16 +228,8 @@ class Kind:
         """Draw what was learned of the objects."""
         raise NotImplementedError
 
-    def page(
-        self,
-        runs: Sequence[tuple[Path, Run]],
-        out: Path,
-        remarks: Sequence[str],
-        *,
-        each_seed: bool,
-        progress: Progress,
-    ) -> tuple[list[Path], list[str]]:
-        """Write the page of runs, each with the folder that it is known by; see `report.write.write_pages`."""
+    def page(self, of: Pages) -> tuple[list[Path], list[str]]:
+        """Write the page of runs, and what stands beside it; returns what `report.write.write_pages` does."""
         raise NotImplementedError
 
     def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:

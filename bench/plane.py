@@ -13,7 +13,7 @@ import numpy as np
 
 from tactsim.bench.config import RunConfig, chosen_letters, run_config
 from tactsim.bench.config import scan_options as stated_scan
-from tactsim.bench.kinds import PLANE, Gathered, Kind
+from tactsim.bench.kinds import PLANE, Gathered, Kind, Pages
 from tactsim.bench.placement import Properties, load_scan, poses_unknown, properties, stated_properties
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.paper import beside
@@ -295,19 +295,11 @@ class Plane(Kind):
 
         return maps_figure(maps)
 
-    def page(
-        self,
-        runs: Sequence[tuple[Path, Run]],
-        out: Path,
-        remarks: Sequence[str],
-        *,
-        each_seed: bool,
-        progress: Progress,
-    ) -> tuple[list[Path], list[str]]:
+    def page(self, of: Pages) -> tuple[list[Path], list[str]]:
         """Write the page, its pictures and curves."""
         from tactsim.bench.report.write import write_plane_pages
 
-        return write_plane_pages(runs, out, remarks, each_seed=each_seed, progress=progress)
+        return write_plane_pages(of)
 
     def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:
         """Show the bound too, where it is known, and how sure the estimator was."""

@@ -202,10 +202,12 @@ def _in_plain_words(error: TyperException) -> str:
 
 
 def _settings(error: TyperException) -> str:
-    """Say how an estimator's options are given, where a verb that takes them does not know an option."""
+    """Say how an estimator's options, or those of a scan, are given, where a verb does not know an option."""
     context = getattr(error, "ctx", None)
     if context is None or not hasattr(error, "option_name"):
         return ""
+    if context.command.name == "bound":
+        return ". Of other pads, shapes, noise and seeds: `bench scan`, and its file with --scan"
     takes = any("--set" in one.opts for one in context.command.params)
     return ". An estimator's own options: --set NAME=VALUE" if takes else ""
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tactsim.core import Scan
 
 
-@with_options_of(ScanWords)
+@with_options_of(ScanWords, only=("letters", "test_poses", "world"))
 def command_bound(
     words: Words,
     trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -182,13 +182,15 @@ def window(text: str) -> tuple[int, int]:
 Words = Mapping[str, Any]
 
 
-def with_options_of(model: type[BaseModel]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Let a verb, whose first parameter is `words`, take the model's fields as options before its own.
+def with_options_of(
+    model: type[BaseModel], only: Sequence[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a verb, whose first parameter is `words`, take the model's fields, or some, as options before its own.
 
     Options that the user did not type are left out of `words`, so that the model's defaults hold.
     """
     # A model's own fields come before those that it inherits.
-    names = sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
+    names = only or sorted(model.model_fields, key=lambda name: name not in model.__annotations__)
     fields = {name: model.model_fields[name] for name in names if flags_of(name, model.model_fields[name])}
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:

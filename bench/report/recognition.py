@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tactsim import models
-from tactsim.bench.config import RunConfig
+from tactsim.bench.config import OF_SOURCE, RunConfig
 from tactsim.bench.experiment import gather, plan_of, silent
 from tactsim.bench.placement import Properties, covariance
 from tactsim.bench.results import Run
@@ -155,7 +155,7 @@ def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
     config = _config(run)
     from_files = config.scan is not None or config.presses is not None
     options = None if from_files else run.about["scan"].get("options")
-    words = {"scan", "train_scan", "presses", "given", "letters", "hold_out"}
+    words = {*OF_SOURCE}
     if config.presses is not None:
         words |= {"trials", "readings"}
     if config.train_presses is not None:

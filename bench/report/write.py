@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from tactsim.bench.config import RunConfig
 from tactsim.bench.cramer_rao import bounds_of_trials
 from tactsim.bench.experiment import silent
+from tactsim.bench.kinds import Pages
 from tactsim.bench.places import check_page, is_report
 from tactsim.bench.plane import NO_BOUND
 from tactsim.bench.report.curves import COLUMNS, has_curves, tables
@@ -63,25 +64,20 @@ def write_pages(
     several = list(dict.fromkeys(run.kind.name for _, run in runs))
     if len(several) > 1:
         raise InputError(f"a report is of runs of one kind, and these are {' and '.join(several)}; make two")
-    return runs[0][1].kind.page(runs, out, list(remarks), each_seed=each_seed, progress=progress)
+    return runs[0][1].kind.page(Pages(runs, out, list(remarks), each_seed, progress))
 
 
-def write_plane_pages(
-    runs: Sequence[tuple[Path, Run]],
-    out: Path,
-    remarks: Sequence[str],
-    *,
-    each_seed: bool,
-    progress: Progress,
-) -> tuple[list[Path], list[str]]:
+def write_plane_pages(of: Pages) -> tuple[list[Path], list[str]]:
     """Make the report of runs with letters in the plane; see `write_pages`."""
+    out = of.out
     scans: dict[str, Scan] = {}
-    groups = collect(((folder, _with_bounds(run, scans)) for folder, run in runs), pool_seeds=not each_seed)
+    bounded = ((folder, _with_bounds(run, scans)) for folder, run in of.runs)
+    groups = collect(bounded, pool_seeds=not of.each_seed)
     prefix = "" if out.stem == "report" else f"{out.stem}-"
     pictures = _pictures(groups)
     _check_beside(out, prefix, [names for names, *_ in pictures])
-    replayed, failed = replay_all(groups, scans, progress=progress)
-    remarks = [*remarks]
+    replayed, failed = replay_all(groups, scans, progress=of.progress)
+    remarks = [*of.remarks]
     for label, run in ((entry.label, entry.run) for group in groups for entry in group.entries):
         remarks += [f"{label}: {line}" for line in run.cautions]
     remarks += [f"no trial of {label} could be done again: {why}" for label, why in failed.items()]

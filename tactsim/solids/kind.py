@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
 
-from tactsim.bench.kinds import Gathered, Kind
+from tactsim.bench.kinds import Gathered, Kind, Pages
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.figures import Picture
 from tactsim.bench.trials import OneTrial, Progress, TrialPlan, TrialRules, Trials
@@ -168,19 +168,11 @@ class Solids(Kind):
 
         return surfaces_figure(maps)
 
-    def page(
-        self,
-        runs: Sequence[tuple[Path, Run]],
-        out: Path,
-        remarks: Sequence[str],
-        *,
-        each_seed: bool,
-        progress: Progress,
-    ) -> tuple[list[Path], list[str]]:
+    def page(self, of: Pages) -> tuple[list[Path], list[str]]:
         """Write the page with its scenes, each run by its folder's name."""
         from tactsim.solids.page import write_space_page
 
-        return write_space_page({folder.name: run for folder, run in runs}, out, remarks, progress=progress)
+        return write_space_page(of)
 
     def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:
         """Show the angle too."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.kinds import Pages
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE, check_page
 from tactsim.bench.report.page import Arrays
@@ -18,7 +19,7 @@ from tactsim.bench.report.picture import alone
 from tactsim.bench.report.recognition import Again, do_again, trials_to_show
 from tactsim.bench.results import Run
 from tactsim.bench.score import Scored
-from tactsim.bench.trials import Progress, TrialPlan
+from tactsim.bench.trials import TrialPlan
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, counted
@@ -37,23 +38,22 @@ _VALUES = {
 _DOTS = 24  # surface points of each pose of a belief
 
 
-def write_space_page(
-    runs: Mapping[str, Run], out: Path, remarks: Iterable[str], *, progress: Progress
-) -> tuple[list[Path], list[str]]:
-    """Write the page of runs in space, by name; returns the files written, and remarks on what is missing.
+def write_space_page(of: Pages) -> tuple[list[Path], list[str]]:
+    """Write the page of runs in space; returns the files written, and remarks on what is missing.
 
-    Raises InputError if `out` cannot be written.
+    Raises InputError if it cannot be written.
     """
+    out, runs = of.out, {folder.name: run for folder, run in of.runs}
     check_page(out)
     replayed: dict[str, list[Again]] = {}
-    remarks = list(remarks)
+    remarks = list(of.remarks)
     for number, (name, run) in enumerate(runs.items()):
-        progress("replay", number, len(runs))
+        of.progress("replay", number, len(runs))
         try:
             replayed[name] = replay(run)
         except InputError as error:
             remarks.append(f"no trial of {name} could be done again: {error}")
-    progress("replay", len(runs), len(runs))
+    of.progress("replay", len(runs), len(runs))
     write_text(out, page(runs, replayed, remarks))
     return [out], remarks
 
