@@ -107,9 +107,7 @@ class LearnedPolicy(Policy):
             from sklearn.ensemble import HistGradientBoostingRegressor
             from threadpoolctl import ThreadpoolController  # which scikit-learn needs too
         except ModuleNotFoundError:
-            raise InputError(
-                "the learned policy needs scikit-learn: pip install scikit-learn"
-            ) from None
+            raise InputError("the learned policy needs scikit-learn: pip install scikit-learn") from None
         env = gymnasium.make(f"tactsim/{task}", belief=self.belief, scan_seed=scan_seed, fast=True).unwrapped
         assert isinstance(env, TouchEnv)
         self._threads = ThreadpoolController()
