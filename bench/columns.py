@@ -42,6 +42,7 @@ class Column(NamedTuple):
     unknown: bool = False
 
 
+LATER = ("nees",)  # columns that runs of earlier versions lack: what they hold is not known
 _FRAMES = {
     "": "estimated robot_in_object",
     "true_": "true robot_in_object",
@@ -66,6 +67,12 @@ COLUMNS = {
         "number", "", "the smallest credible region that holds the true pose", unknown=True
     ),
     "radius_90": Column("number", "mm", "radius of the circle of the 90 % region's area", unknown=True),
+    "nees": Column(
+        "number",
+        "",
+        "squared error of the belief's mean over its covariance, a number of the pose",
+        unknown=True,
+    ),
     "met": Column("count", "", "how many touches have met the object"),
     "evaluations": Column("count", "", "states at which the measurement model was asked"),
     "update_s": Column("number", "s", "processor time of the update"),
@@ -100,9 +107,10 @@ def columns(trials: Trials) -> Table:
 
 def trials_of(table: Mapping[str, NDArray[Any]], hold_out: Sequence[str], kind: Kind) -> Trials:
     """Put trials together from their columns. Raises InputError if rows are missing, or a value cannot be one."""
+    number = table[kind.number]
+    table = {name: np.full(len(number), np.nan) for name in LATER} | dict(table)
     for name in (*kind.columns, *kind.time_columns):
         _check(name, table[name])
-    number = table[kind.number]
     readings = int(number.max(initial=0))
     trials, left = divmod(len(number), max(readings, 1))
     if left or any(len(table[name]) != len(number) for name in (*kind.columns, *kind.time_columns)):
@@ -186,6 +194,8 @@ def read_csv(path: Path, names: Sequence[str]) -> Table:
     except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is not a whole table: {error}") from error
     header, rows = lines[:1], lines[1:]
+    if header and set(names) - set(header[0]) <= set(LATER):
+        names = [name for name in names if name in header[0]]
     if header != [list(names)] or not rows or any(len(row) != len(names) for row in rows):
         raise InputError(f"{path} does not have the columns {', '.join(names)} in every row")
     return {name: _parsed(name, values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
@@ -230,4 +240,5 @@ def read_columns(path: Path, kind: Kind) -> Table:
 
     Nothing is unpickled. Raises InputError if the file is not whole or lacks a column.
     """
-    return read_npz(path, dict.fromkeys((*kind.columns, *kind.time_columns)), ["bound_mm"])
+    names = dict.fromkeys((*kind.columns, *kind.time_columns))
+    return read_npz(path, [name for name in names if name not in LATER], ["bound_mm", *LATER])

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
 from tactsim.bench.config import RECORDING
-from tactsim.core import InputError, Scan, invert, transform, wrap_angle
+from tactsim.core import InputError, Scan, compose, invert, poses, rigid, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 from tactsim.core.errors import short
@@ -104,11 +104,16 @@ def radius(away: Reals1D, weights: GivenReals1D, share: float) -> float:
     return float(farthest)
 
 
+# mm that a turn of 1 rad counts as, and the share of the widest variance below which a pose's number has no width.
+_LEVER, _NO_WIDTH = 10.0, 1e-9
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
 class Placement(Protocol):
     """What measures the placement of an object: `Properties` in the plane, `Surface` of a solid."""
+
+    def alike(self, poses: FloatArray, near: FloatArray) -> FloatArray:
+        """Give of poses (n, 3 or 7) each the nearest to `near` of those in which the object looks the same."""
 
     def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
         """Measure how far estimated poses robot_in_object lie from true ones, (..., 3 or 7) each: (...,) mm."""
@@ -141,6 +146,13 @@ class Properties:
         """Take the properties from a file's JSON. Raises InputError that begins with `where`."""
         stated = checked(_Stated, values, where)
         return cls(stated.symmetry, stated.centre, stated.inertia_over_mass, stated.placed)
+
+    def alike(self, poses: FloatArray, near: FloatArray) -> FloatArray:
+        """Turn the object about its centre until it lies as `near`, as far as its symmetry lets it; see `Placement`."""
+        turn = poses[:, 2] - near[2]
+        turn = fold_angle(turn, self.symmetry) - turn
+        about, centre = np.column_stack([np.zeros((len(turn), 2)), turn]), np.array([*self.centre, 0.0])
+        return compose(compose(compose(centre, about), -centre), poses)
 
     def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
         """Measure the placement error (...,) mm; see `placement_error`."""
@@ -256,25 +268,50 @@ class Certainty:
     """How an estimator's belief of the place lies about its estimate.
 
     credibility: the share of the belief that is nearer to the estimate than the truth is: a region of a larger
-    share holds the truth. radius: mm, of the region that holds 90 % of the belief. Both are NaN if the estimator
-    does not say how sure it is, or nobody knows where the object is.
+    share holds the truth. radius: mm, of the region that holds 90 % of the belief. nees: see `normalised_error`. All
+    are NaN if the estimator does not say how sure it is, or nobody knows where the object is.
     """
 
     credibility: float
     radius: float
+    nees: float
 
 
 def certainty(estimate: Estimate, true: ArrayLike, of: Placement) -> Certainty:
     """Compare an estimate's belief with the truth, T_R^O (3,) or (7,). of: what the metric needs of the true object."""
     if estimate.samples is None:
-        return Certainty(np.nan, np.nan)
-    away, truth, weights = of.spread(
-        estimate.samples, estimate.robot_in_object, np.asarray(true, dtype=float)
-    )
+        return Certainty(np.nan, np.nan, np.nan)
+    true = np.asarray(true, dtype=float)
+    away, truth, weights = of.spread(estimate.samples, estimate.robot_in_object, true)
     if np.isnan(truth):
-        return Certainty(np.nan, np.nan)
+        return Certainty(np.nan, np.nan, np.nan)
     nearer = away < truth
-    return Certainty(float(weights[nearer].sum() / weights.sum()), radius(away, weights, 0.9))
+    credibility = float(weights[nearer].sum() / weights.sum())
+    return Certainty(
+        credibility,
+        radius(away, weights, 0.9),
+        normalised_error(estimate.samples, estimate.robot_in_object, true, of),
+    )
+
+
+def normalised_error(samples: PoseSamples, near: FloatArray, true: FloatArray, of: Placement) -> float:
+    """Give the squared error of a belief's mean in units of its covariance, a number of the pose at a time (NEES).
+
+    In the mean it is 1 for every belief that is right, whatever its shape (Bar-Shalom et al. 2001, section 5.4). Poses
+    (3,) or (7,) are those of the object's symmetry that lie nearest to `near`, and numbers that it leaves free do not
+    count. NaN of a belief without a width.
+    """
+    group = poses if samples.poses.shape[1] == len(poses.POSE) else rigid
+    folded = of.alike(np.concatenate([samples.poses, true[None]]), near)
+    mean, covariance = PoseSamples(folded[:-1], samples.weights).moments(near)
+    away = group.log(group.compose(folded[-1], group.invert(mean)))
+    turns = len(away) // 2  # of the numbers, the last 1 of 3 or 3 of 6
+    lever = np.repeat([1.0, _LEVER], [len(away) - turns, turns])
+    squares, axes = np.linalg.eigh(covariance * lever[:, None] * lever)
+    known = squares > _NO_WIDTH * squares[-1]
+    if not squares[-1] > 0:
+        return np.nan
+    return float(np.mean(((lever * away) @ axes[:, known]) ** 2 / squares[known]))
 
 
 def covariance(samples: PoseSamples, estimated: ArrayLike, of: Properties) -> tuple[FloatArray, FloatArray]:

@@ -93,7 +93,7 @@ class Plane(Kind):
     columns = (
         "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label",
         *(f"{before}{name}" for before in ("", "true_") for name in POSE),
-        "credibility", "radius_90", "evaluations",
+        "credibility", "radius_90", "nees", "evaluations",
     )  # fmt: skip
     asked = ("slip", "hold_out")
     of_trials = (

@@ -432,6 +432,13 @@ CURVES: dict[str, Metric] = {
         digits=2,
         better=-1,
     ),
+    "nees": _averaged(
+        "Mean squared error of the belief's mean over its covariance, a number of the pose, where the letter is right.",
+        lambda scored: scored.trials.nees,
+        "error squared over covariance after {}",
+        lambda scored: _sure(scored) & ~np.isnan(scored.trials.nees),
+        digits=2,
+    ),
     "refused_known": _averaged(
         "Share of the trials of known letters whose estimate is 'none'; None without such trials.",
         lambda scored: scored.trials.label == NONE,

@@ -37,6 +37,13 @@ from tactsim.estimators import NONE, Estimate, Estimator, create
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
 from tactsim.estimators.registry import load
 
+_ANSWERED = (
+    "p_truth",
+    "p_label",
+    "credibility",
+    "radius_90",
+    "nees",
+)  # columns of an answer that are numbers
 _FAR = 100.0  # times the usual offset: beyond what an estimator takes for near
 
 
@@ -199,8 +206,8 @@ class Trials:
     reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken, and NOT_TAKEN after the
     trial had ended, from where on all else repeats what was answered last. label: (n, r) the estimate (eq. 9, 14).
     p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose: (n, r, 3 or 7)
-    estimated robot_in_object. credibility, radius_90: (n, r) how sure the estimator was of the pose, see
-    `certainty.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
+    estimated robot_in_object. credibility, radius_90, nees: (n, r) how sure the estimator was of the pose, see
+    `placement.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
     update_s, estimate_s, propose_s: (n, r) seconds of processor time. kind: of the run (`tactsim.bench.kinds`).
     """
 
@@ -216,6 +223,7 @@ class Trials:
     pose: FloatArray
     credibility: FloatArray
     radius_90: FloatArray
+    nees: FloatArray
     evaluations: NDArray[np.int64]
     update_s: FloatArray
     estimate_s: FloatArray
@@ -350,7 +358,7 @@ class _UnderWay:
         self._task, self._letters, self._of = task, letters, of
         self._taken: list[Touch] = []
         self._label: list[str] = []
-        measured = ("p_truth", "p_label", "credibility", "radius_90", "update_s", "estimate_s", "propose_s")
+        measured = (*_ANSWERED, "update_s", "estimate_s", "propose_s")
         self._numbers = {name: np.zeros(readings) for name in measured}
         self._evaluations = np.zeros(readings, dtype=np.int64)
         self._pose = np.empty((readings, len(first)))
@@ -393,7 +401,9 @@ class _UnderWay:
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         self._pose[k] = estimate.robot_in_object
         sure = certainty(estimate, self._true_pose[k], self._of)
-        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
+        numbers["credibility"][k], numbers["radius_90"][k], numbers["nees"][k] = (
+            sure.credibility, sure.radius, sure.nees
+        )  # fmt: skip
         numbers["update_s"][k], numbers["estimate_s"][k] = update_s, estimate_s
         self._evaluations[k] = evaluations
 
@@ -401,7 +411,7 @@ class _UnderWay:
         """Give the trial; what came after it ended repeats the last answer and cost nothing."""
         task, k, rest = self._task, len(self._label), self.readings - len(self._label)
         taken = self._taken[:k]
-        for name in ("p_truth", "p_label", "credibility", "radius_90"):
+        for name in _ANSWERED:
             self._numbers[name][k:] = self._numbers[name][k - 1]
         self._pose[k:], self._true_pose[k:] = self._pose[k - 1], self._true_pose[k - 1]
         columns: dict[str, Any] = {

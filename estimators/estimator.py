@@ -7,12 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Scan, poses, rigid
 from tactsim.core.checking import Settings
 from tactsim.core.errors import short, was_interrupt
 from tactsim.core.finite import LARGEST, finite
@@ -21,6 +22,7 @@ from tactsim.core.poses import POSE, FloatArray
 from tactsim.core.rigid import POSE as POSE_IN_SPACE
 
 NONE = "none"  # the label of an object that is none of the known letters
+_MEAN_STEPS = 4  # to the mean of poses; each leaves about the square of the error before, in units of a turn
 
 
 class Options(Settings):
@@ -37,6 +39,22 @@ class PoseSamples:
     poses: FloatArray
     weights: FloatArray
 
+    def moments(self, near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Compute the mean (3,) or (7,), found from a pose `near` it on, and the covariance (3, 3) or (6, 6).
+
+        Deviations are in the Lie algebra: pose = exp(deviation) mean, [x, y, theta] or [x, y, z, about x, about y,
+        about z], mm and rad, along the object's own axes. The mean is the pose about which they sum to 0.
+        """
+        group = poses if self.poses.shape[1] == len(POSE) else rigid
+        weights, mean = self.weights / self.weights.sum(), np.asarray(near, dtype=float)
+        for _ in range(_MEAN_STEPS):
+            mean = group.compose(
+                group.exp(weights @ group.log(group.compose(self.poses, group.invert(mean)))), mean
+            )
+        away = group.log(group.compose(self.poses, group.invert(mean)))
+        away -= weights @ away
+        return mean, away.T @ (away * weights[:, None])
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -45,7 +63,7 @@ class Estimate:
     label: the most probable letter (eq. 9, 14), any of them if several are, or NONE. probabilities: p(letter), summing
     to 1, with NONE among them if the estimator considers that. robot_in_object: [x, y, theta] mm, rad: the most
     probable T_R^O within the most probable letter; in space (7,), see `core.rigid`. samples: the belief about the pose
-    of that letter, from which covariance and regions are computed; None if the estimator does not say how sure it is.
+    of that letter, from which mean, covariance and regions are computed; None if it does not say how sure it is.
     unexplained: nats by which the readings are explained worse than those of training would be; 0 if they are not, or
     the estimator does not say.
     """
@@ -55,6 +73,20 @@ class Estimate:
     robot_in_object: FloatArray
     samples: PoseSamples | None = None
     unexplained: float = 0.0
+
+    @cached_property
+    def _moments(self) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
+        return (None, None) if self.samples is None else self.samples.moments(self.robot_in_object)
+
+    @property
+    def mean(self) -> FloatArray | None:
+        """Give the belief's mean robot_in_object, see `PoseSamples.moments`; of several modes it lies between them."""
+        return self._moments[0]
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """Give the covariance of the pose, (3, 3) or (6, 6), mm and rad: see `PoseSamples.moments`."""
+        return self._moments[1]
 
     def moved(self, move: Callable[[FloatArray], FloatArray]) -> Estimate:
         """Give the estimate with all its poses (..., 3) as a function moves them."""

@@ -43,7 +43,7 @@ LARGEST = 1 << 28  # bytes of a file, and of all that is packed in it
 _MOST_ROWS = 500_000
 _MEMBER = re.compile(rf"bundle\.json|seed-(0|[1-9]\d{{0,18}})/(run\.json|times\.json|{re.escape(PACKED)})")
 _POSE_STEPS = np.array([2.0**-9, 2.0**-9, 2.0**-12])  # mm, mm, rad
-_BITS = {"p_truth": 7, "p_label": 7, "radius_90": 4, "evaluations": 3}  # of a number's mantissa
+_BITS = {"p_truth": 7, "p_label": 7, "radius_90": 4, "nees": 4, "evaluations": 3}  # of a number's mantissa
 _SECONDS_BITS, _BOUND_BITS = 5, 7
 
 
@@ -185,6 +185,7 @@ def rounded(trials: Trials) -> Trials:
         p_truth=_mantissa(trials.p_truth, _BITS["p_truth"]),
         p_label=_mantissa(trials.p_label, _BITS["p_label"]),
         radius_90=_mantissa(trials.radius_90, _BITS["radius_90"]),
+        nees=_mantissa(trials.nees, _BITS["nees"]),
         evaluations=evaluations,
         credibility=np.minimum((percent + 0.5) / 100, 1).astype("<f4").astype(float),
         reading=np.full(trials.reading.shape, -1),

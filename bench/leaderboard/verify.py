@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from tactsim.bench import experiment
+from tactsim.bench.columns import LATER
 from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept, select
@@ -167,7 +168,9 @@ def _alike(one: Trials, other: Trials) -> NDArray[np.bool_]:
 
 
 def _columns(trials: Trials) -> list[str]:
-    return [one.name for one in fields(trials) if not one.name.endswith("_s")]
+    """Name what is compared: neither times nor what a bundle of an earlier version does not know."""
+    names = [one.name for one in fields(trials) if not one.name.endswith("_s")]
+    return [name for name in names if name not in LATER or not np.isnan(getattr(trials, name)).all()]
 
 
 def _first_difference(runs: Sequence[Run], again: Sequence[Run]) -> str:

@@ -81,7 +81,8 @@ class BeliefWords:
     def json_of(self, belief: Belief) -> dict[str, Any]:
         """Describe a belief by numbers: mm, rad, ms.
 
-        unexplained: nats, see `Estimate`. within_mm: radius about the estimate that holds 90 % of the belief.
+        unexplained, mean, covariance: see `Estimate`. within_mm: radius about the estimate that holds 90 % of the
+        belief.
         """
         estimate = belief.estimate
         values: dict[str, Any] = {"touch": len(belief.touches)}
@@ -95,6 +96,8 @@ class BeliefWords:
             "robot_in_object": numbers(estimate.robot_in_object, 4),
             "sensor_in_robot": numbers(belief.touches[-1].sensor_in_robot, 4),
             "unexplained": round(float(estimate.unexplained), 3),
+            "mean": numbers(estimate.mean, 4) if known else None,
+            "covariance": [numbers(row, 6) for row in estimate.covariance] if known else None,
             "within_mm": None if sure is None else round(float(sure.radius), 3),
             "delay_ms": None if belief.delay is None else round(1e3 * belief.delay, 1),
         }

@@ -1,4 +1,4 @@
-"""A ROS 2 topic of tactile images as a source of readings: ros2:/topic.
+"""A ROS 2 topic of tactile images as a source of readings, ros2:/topic, and an estimate as a pose with covariance.
 
 The messages are sensor_msgs/msg/Image with the encoding 32FC1: a number for each taxel, kPa, the top row first. What
 publishes other messages needs another `reading_of`.
@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from tactsim.core import poses, rigid
 from tactsim.core.counters import Counters
 from tactsim.core.pad import Pad
 from tactsim.core.reading import Reading
 from tactsim.core.source import HasPad, Log, NoReading, Source, SourceError
+from tactsim.estimators import Estimate
 
 _PATIENCE = 5.0  # s for a reading if the caller says nothing
 _WAITING = 1000  # readings that wait for a slow reader; what comes then is dropped
@@ -119,6 +121,34 @@ class Ros2Source(Source):
         except queue.Full:
             self.counters.missed += 1
             self._lost = True
+
+
+def pose_with_covariance(estimate: Estimate) -> dict[str, Any]:
+    """Give the fields of a geometry_msgs/msg/PoseWithCovariance, m and rad: the object in the robot's frame.
+
+    `rosidl_runtime_py.set_message_fields(message, fields)` fills the message. Position and turn are along the axes of
+    the robot's frame, as ROS has it (REP 103); what a flat object cannot do has no covariance. Raises ValueError if the
+    estimate does not say how sure it is.
+    """
+    mean, covariance = estimate.mean, estimate.covariance
+    if mean is None or covariance is None:
+        raise ValueError("the estimate has no samples, and so no covariance")
+    flat = len(mean) == 3
+    if flat:
+        x, y, theta = poses.invert(mean)
+        pose = np.array([x, y, 0.0, np.cos(theta / 2), 0.0, 0.0, np.sin(theta / 2)])
+    else:
+        pose = rigid.invert(mean)
+    moved = np.zeros((6, 6))
+    which = [0, 1, 5] if flat else list(range(6))
+    moved[np.ix_(which, which)] = covariance
+    turn = rigid.matrix(pose[3:])  # deviations are along the object's axes
+    along = np.kron(np.eye(2), turn) * np.repeat([1e-3, 1.0], 3)[:, None]
+    (x, y, z), (w, i, j, k) = (1e-3 * pose[:3]).tolist(), pose[3:].tolist()
+    return {
+        "pose": {"position": {"x": x, "y": y, "z": z}, "orientation": {"x": i, "y": j, "z": k, "w": w}},
+        "covariance": (along @ moved @ along.T).ravel().tolist(),
+    }
 
 
 def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Source:

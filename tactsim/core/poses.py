@@ -42,6 +42,22 @@ def invert(pose: ArrayLike) -> FloatArray:
     return np.stack([x, y, wrap_angle(-pose[..., 2])], axis=-1)
 
 
+def log(pose: ArrayLike) -> FloatArray:
+    """Write transforms (..., 3) in the Lie algebra se(2): (..., 3) mm, mm, rad, of which `exp` makes the transform."""
+    x, y, theta = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
+    half = wrap_angle(theta) / 2
+    along = np.cos(half) / np.sinc(half / np.pi)
+    return np.stack([along * x + half * y, along * y - half * x, 2 * half], axis=-1)
+
+
+def exp(vector: ArrayLike) -> FloatArray:
+    """Make transforms (..., 3) of vectors (..., 3) of the Lie algebra se(2), mm, mm, rad: a screw along an arc."""
+    x, y, turn = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
+    along = np.sinc(turn / np.pi)
+    across = np.sin(turn / 2) * np.sinc(turn / (2 * np.pi))
+    return np.stack([along * x - across * y, across * x + along * y, wrap_angle(turn)], axis=-1)
+
+
 def transform(pose: ArrayLike, points: ArrayLike) -> FloatArray:
     """Map points (n, 2) mm by poses (..., 3): returns (..., n, 2) mm in the outer frame."""
     pose, points = np.asarray(pose, dtype=float), np.asarray(points, dtype=float)

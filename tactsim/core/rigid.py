@@ -15,6 +15,7 @@ from tactsim.core.poses import FloatArray
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 _ROUND_OFF = 1e-6  # by which a given rotation may miss being one
+_SMALL = 1e-8  # rad^2, below which a series is its first term
 
 
 def checked_poses(given: ArrayLike, what: str) -> FloatArray:
@@ -149,6 +150,36 @@ def to_vector(quaternion: ArrayLike) -> FloatArray:
     angle = 2 * np.arctan2(sine, quaternion[..., :1])
     scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
     return quaternion[..., 1:] * scale
+
+
+def log(pose: ArrayLike) -> FloatArray:
+    """Write transforms (..., 7) in the Lie algebra se(3): (..., 6), a shift in mm and a rotation vector in rad.
+
+    `exp` makes the transform of it (Sola et al. 2018, A micro Lie theory, eq. 173).
+    """
+    pose = np.asarray(pose, dtype=float)
+    turn, shift = to_vector(pose[..., 3:]), pose[..., :3]
+    square = (turn**2).sum(axis=-1, keepdims=True)
+    half = np.sqrt(square) / 2
+    left = 1 - np.cos(half) / np.sinc(half / np.pi)
+    twice = np.divide(left, square, out=np.full_like(square, 1 / 12), where=square > _SMALL)
+    across = np.cross(turn, shift)
+    return np.concatenate([shift - across / 2 + twice * np.cross(turn, across), turn], axis=-1)
+
+
+def exp(vector: ArrayLike) -> FloatArray:
+    """Make transforms (..., 7) of vectors (..., 6) of the Lie algebra se(3); see `log`."""
+    vector = np.asarray(vector, dtype=float)
+    shift, turn = vector[..., :3], vector[..., 3:]
+    square = (turn**2).sum(axis=-1, keepdims=True)
+    angle = np.sqrt(square)
+    once = np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    rest = 1 - np.sinc(angle / np.pi)
+    twice = np.divide(rest, square, out=np.full_like(square, 1 / 6), where=square > _SMALL)
+    across = np.cross(turn, shift)
+    return np.concatenate(
+        [shift + once * across + twice * np.cross(turn, across), from_vector(turn)], axis=-1
+    )
 
 
 def turn_from_z(direction: ArrayLike) -> FloatArray:

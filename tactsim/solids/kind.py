@@ -49,7 +49,7 @@ class Solids(Kind):
     columns = (
         "truth", "trial", "touch_number", "label",
         *(f"{before}{name}" for before in ("", "true_", "start_") for name in rigid.POSE),
-        "p_truth", "p_label", "credibility", "radius_90", "met", "evaluations",
+        "p_truth", "p_label", "credibility", "radius_90", "nees", "met", "evaluations",
     )  # fmt: skip
     asked = ("touches", "hand")
     of_trials = ("seed", "objects", "shapes", "trials", "scan")

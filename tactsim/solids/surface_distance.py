@@ -59,6 +59,18 @@ class Surface:
         symmetry = solid.symmetry
         return cls(points, np.asarray(symmetry.rotations), symmetry.axis, solid.vertices, solid.faces)
 
+    def alike(self, poses: FloatArray, near: FloatArray) -> FloatArray:
+        """Turn the solid by its symmetry until it lies as `near` (7,): poses (n, 7); see `placement.Placement`."""
+        turned = rigid.multiply(self.rotations, poses[:, None, 3:])  # (n, k, 4)
+        left = rigid.multiply(near[3:], rigid.conjugate(turned))
+        along = 0.0 if self.axis is None else left[..., 1:] @ self.axis
+        best = np.hypot(left[..., 0], along).argmax(axis=1)
+        turn = self.rotations[best]
+        if self.axis is not None:  # what the best turn about the axis is
+            about = 2 * np.arctan2(along, left[..., 0])[np.arange(len(best)), best]
+            turn = rigid.multiply(rigid.from_vector(about[:, None] * self.axis), turn)
+        return rigid.compose(np.concatenate([np.zeros((len(turn), 3)), turn], axis=1), poses)
+
     def error(self, estimated: ArrayLike, true: ArrayLike) -> FloatArray:
         """Measure the mean surface distance between poses robot_in_object (..., 7): (...,) mm."""
         estimated, true = np.broadcast_arrays(rigid.invert(estimated), rigid.invert(true))

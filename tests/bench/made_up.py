@@ -17,6 +17,7 @@ def make_run(n=3, r=4, seed=0):
         pose=rng.normal(size=(n, r, 3)), credibility=rng.random((n, r)),
         radius_90=rng.random((n, r)), evaluations=rng.integers(10**9, size=(n, r)),
         update_s=rng.random((n, r)), estimate_s=rng.random((n, r)), propose_s=rng.random((n, r)),
+        nees=rng.random((n, r)),
     )  # fmt: skip
     objects = {"A": Properties(1, (0.0, 0.0), 60.0), "E": Properties(0, (0.1, 0.2), 55.0)}
     return Run(

@@ -7,8 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.bench.placement import Properties, certainty, covariance, placement_error, radius
+from tactsim.bench.placement import (
+    Properties,
+    certainty,
+    covariance,
+    normalised_error,
+    placement_error,
+    radius,
+)
 from tactsim.core import compose, invert
+from tactsim.core.poses import exp, log
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
 DISC = Properties(symmetry=0, centre=(0.4, -0.3), inertia_over_mass=60.0)
@@ -98,6 +106,39 @@ def test_a_discs_angle_is_free():
     assert second.credibility == pytest.approx(first.credibility)
     spread = covariance(any_angle.samples, any_angle.robot_in_object, DISC)[1]
     assert spread[2] == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def screws(rng, spread, count, about):
+    """Draw poses T_R^O (count, 3) as exp(deviation) about a pose."""
+    return compose(exp(rng.normal(size=(count, 3)) * spread), np.asarray(about, dtype=float))
+
+
+def test_mean_and_covariance_are_those_that_deviations_were_drawn_with():
+    rng, spread, about = np.random.default_rng(5), np.array([0.5, 0.2, 0.03]), [4.0, -30.0, 2.0]
+    found = Estimate("A", {"A": 1.0}, np.array([4.3, -30.2, 1.9]),
+                     PoseSamples(screws(rng, spread, 20_000, about), np.ones(20_000)))  # fmt: skip
+    assert log(compose(found.mean, invert(np.array(about)))) == pytest.approx(np.zeros(3), abs=0.02)
+    assert found.covariance / np.outer(spread, spread) == pytest.approx(np.eye(3), abs=0.04)
+    shifted = found.moved(lambda poses: compose(poses, [7.0, 5.0, 1.0]))  # the robot stands elsewhere
+    assert shifted.covariance == pytest.approx(found.covariance, abs=1e-9)
+    assert Estimate("A", {"A": 1.0}, np.zeros(3)).covariance is None
+
+
+@pytest.mark.parametrize(("of", "spread"), [(BAR, (0.3, 2.0, 0.4)), (DISC, (0.4, 0.1, 3.0))])
+def test_the_normalised_error_of_truths_drawn_from_a_belief_of_any_shape_is_1(of, spread):
+    rng = np.random.default_rng(6)
+    poses = screws(rng, np.array(spread), 400, [1.0, 2.0, 0.4])
+    poses[:100] = screws(rng, np.array(spread) / 3, 100, [3.0, 2.0, 0.6])
+    weights = rng.random(400)
+    samples, near = PoseSamples(poses, weights / weights.sum()), poses[0]
+    errors = np.array([normalised_error(samples, near, pose, of) for pose in poses])
+    assert weights @ errors / weights.sum() == pytest.approx(1, abs=1e-6)
+    half = compose(
+        compose(compose([*BAR.centre, 0.0], [0, 0, math.pi]), [-BAR.centre[0], -BAR.centre[1], 0]), poses
+    )
+    again = [normalised_error(samples, near, pose, of) for pose in half[:20]]
+    assert again == pytest.approx(errors[:20])  # the object looks the same
+    assert math.isnan(normalised_error(PoseSamples(poses[:1], np.ones(1)), near, near, of))
 
 
 def test_an_estimator_that_does_not_say_has_no_region():

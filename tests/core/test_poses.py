@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.linalg import expm
 
-from tactsim.core.poses import compose, invert, spread_out, transform, wrap_angle
+from tactsim.core.poses import compose, exp, invert, log, spread_out, transform, wrap_angle
 
 coordinates = st.floats(-100, 100)
 poses = arrays(float, 3, elements=coordinates)
@@ -81,3 +82,14 @@ def test_poses_that_are_spread_out_lie_at_least_as_far_apart_as_any_pose_lies_fr
 
 def test_equal_poses_are_each_chosen_once():
     assert sorted(spread_out(np.zeros((5, 3)), 5)) == [0, 1, 2, 3, 4]
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-9, 1e-4, 1.0, 3.1]))
+def test_exp_is_the_exponential_of_the_matrix_and_log_undoes_it(seed, turn):
+    x, y = np.random.default_rng(seed).normal(size=2) * 10
+    vector = np.array([x, y, turn])
+    matrix = expm(np.array([[0, -turn, x], [turn, 0, y], [0, 0, 0]]))
+    assert transform(exp(vector), np.array([[0.0, 0.0], [1.0, 2.0]])) == pytest.approx(
+        (matrix @ [[0, 1], [0, 2], [1, 1]])[:2].T, abs=1e-9
+    )
+    assert log(exp(vector)) == pytest.approx(vector, abs=1e-9)

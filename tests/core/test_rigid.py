@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from tactsim.core import rigid
@@ -88,3 +89,15 @@ def test_nearest_rotation_is_that_of_least_angle() -> None:
 def test_no_pose(given_pose: list[float], says: str) -> None:
     with pytest.raises(InputError, match=says):
         rigid.checked_poses(given_pose, "the hand's pose")
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-9, 1e-4, 1.0, 3.1]))
+def test_exp_is_the_exponential_of_the_matrix_and_log_undoes_it(seed: int, turn: float) -> None:
+    vector = np.random.default_rng(seed).normal(size=6)
+    vector[3:] *= turn / np.linalg.norm(vector[3:])
+    (x, y, z), (a, b, c) = vector[:3], vector[3:]
+    matrix = expm(np.array([[0, -c, b, x], [c, 0, -a, y], [-b, a, 0, z], [0, 0, 0, 0]]))
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]])
+    moved = (matrix @ np.column_stack([points, np.ones(2)]).T)[:3].T
+    assert rigid.transform(rigid.exp(vector), points) == pytest.approx(moved, abs=1e-7)
+    assert rigid.log(rigid.exp(vector)) == pytest.approx(vector, abs=1e-7)

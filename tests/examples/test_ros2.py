@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 import tactsim
-from tactsim.core import Pad
+from tactsim.core import Pad, poses, rigid
 from tactsim.core.source import SourceError
+from tactsim.estimators import Estimate
+from tactsim.estimators.estimator import PoseSamples
 from tactsim.hardware.device import Device
 
 EXAMPLE = Path(tactsim.__file__).parents[1] / "examples" / "ros2"
 sys.path.insert(0, str(EXAMPLE))
-from tactsim_ros2 import open_source, reading_of  # noqa: E402
+from tactsim_ros2 import open_source, pose_with_covariance, reading_of  # noqa: E402
 
 PAD = Pad(rows=2, columns=3, seam=None)
 KPA = np.array([[1.5, 2.5, 3.5], [4.5, 5.5, -0.25]])  # as an image: the top row first
@@ -61,3 +63,34 @@ def test_the_package_names_its_source_and_says_that_it_needs_ros():
         open_source(["/a", "/b"], device, None)
     with pytest.raises(SourceError, match="needs ROS 2"):
         open_source(["/tactile"], device, None)
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_a_pose_has_the_mean_and_the_covariance_of_the_object_in_the_robots_frame(flat):
+    rng, group = np.random.default_rng(2), poses if flat else rigid
+    lies = (
+        np.array([120.0, -40.0, 2.0])
+        if flat
+        else np.concatenate([[120.0, -40, 9], rigid.random_rotations(1, rng)[0]])
+    )
+    spread = [2.0, 0.5, 0.02] if flat else [2.0, 0.5, 1.0, 0.02, 0.01, 0.03]
+    # The object is moved along its own axes: samples of where it lies.
+    placed = group.compose(lies, group.exp(rng.normal(size=(5000, len(spread))) * spread))
+    estimate = Estimate("A", {"A": 1.0}, group.invert(lies), PoseSamples(group.invert(placed), np.ones(5000)))
+    fields = pose_with_covariance(estimate)
+    found = np.array(fields["covariance"]).reshape(6, 6)
+    expected = np.cov(placed[:, :2].T) * 1e-6 if flat else np.cov(placed[:, :3].T) * 1e-6
+    size = len(expected)
+    assert found[:size, :size] == pytest.approx(expected, abs=0.03 * expected.max())
+    turn = placed[:, 2] - lies[2] if flat else rigid.to_vector(
+        rigid.multiply(placed[:, 3:], rigid.conjugate(lies[3:]))
+    )  # fmt: skip
+    last = slice(5, 6) if flat else slice(3, 6)
+    assert found[last, last] == pytest.approx(np.atleast_2d(np.cov(turn.T)), abs=2e-5)
+    assert list(fields["pose"]["position"].values())[:2] == pytest.approx([0.12, -0.04], abs=1e-4)
+    if flat:
+        assert found[2:5].any() == found[:, 2:5].any() == False  # noqa: E712
+        half = fields["pose"]["orientation"]
+        assert 2 * np.arctan2(half["z"], half["w"]) == pytest.approx(2.0, abs=0.01)
+    with pytest.raises(ValueError, match="no covariance"):
+        pose_with_covariance(Estimate("A", {"A": 1.0}, lies))

@@ -42,7 +42,7 @@ def make_space_trials(n=5, r=4, seed=0):
         p_label=rng.random((n, r)), pose=rigid.compose(near, true[:, None]),
         credibility=np.where(rng.random((n, r)) < 0.3, np.nan, rng.random((n, r))), radius_90=rng.random((n, r)),
         evaluations=rng.integers(10**9, size=(n, r)), update_s=rng.random((n, r)), estimate_s=rng.random((n, r)),
-        propose_s=rng.random((n, r)),
+        propose_s=rng.random((n, r)), nees=rng.random((n, r)),
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def test_a_run_is_read_back_to_the_bit(folder, tmp_path):
         assert np.array_equal(
             getattr(again.trials, field.name),
             getattr(run.trials, field.name),
-            equal_nan=field.name in ("credibility", "radius_90"),
+            equal_nan=field.name in ("credibility", "radius_90", "nees"),
         ), field.name
     assert again.summary == run.summary
     assert again.config == run.config

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactsim.bench.placement import certainty
+from tactsim.bench.placement import certainty, normalised_error
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
 from tactsim.solids import SpaceOptions
@@ -69,3 +69,25 @@ def test_certainty_of_a_belief_that_is_a_line_of_shifts():
     assert found.credibility == pytest.approx(0.3, abs=0.01)
     assert found.radius == pytest.approx(0.9, abs=0.01)
     assert np.isnan(certainty(Estimate("a", {"a": 1.0}, estimate), true, of).radius)
+
+
+def quarter_turns(axis: bool) -> Surface:
+    """Make a solid that four turns about z leave as it is, or all."""
+    turns = rigid.from_vector(np.array([[0.0, 0, k * np.pi / 2] for k in range(1 if axis else 4)]))
+    return Surface(
+        np.random.default_rng(3).normal(size=(32, 3)), turns, np.array([0.0, 0, 1.0]) if axis else None
+    )
+
+
+@pytest.mark.parametrize("axis", [False, True])
+def test_the_normalised_error_in_space_is_1_in_the_mean_whatever_the_symmetry(axis):
+    rng, of = np.random.default_rng(4), quarter_turns(axis)
+    near = np.concatenate([[5.0, -4.0, 30.0], rigid.random_rotations(1, rng)[0]])
+    poses = rigid.compose(rigid.exp(rng.normal(size=(200, 6)) * [0.5, 0.3, 0.2, 0.05, 0.02, 0.1]), near)
+    turned = rigid.from_vector(np.array([[0.0, 0, 1.3 if axis else np.pi / 2]]))
+    poses[::2] = rigid.compose(np.concatenate([np.zeros((1, 3)), turned], axis=1), poses[::2])
+    samples = PoseSamples(poses, np.full(200, 1 / 200))
+    errors = [normalised_error(samples, near, pose, of) for pose in poses]
+    assert np.mean(errors) == pytest.approx(1, abs=1e-6)
+    found = rigid.log(rigid.compose(of.alike(poses, near), rigid.invert(near)))
+    assert np.abs(found[:, 3:]).max() < 0.5  # of each the copy that is turned least
