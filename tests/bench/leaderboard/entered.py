@@ -67,9 +67,9 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
         truth=truth, known=known, trial=number, true_pose=true_pose,
         reading=own.integers(192, size=(n, r)), label=np.where(right, answer[:, None], other[:, None]),
         p_truth=own.random((n, r)), p_label=own.random((n, r)), pose=compose(true_pose, step),
-        credibility=own.random((n, r)), radius_90=own.random((n, r)), nees=own.random((n, r)),
-        evaluations=own.integers(100, size=(n, r)),
+        credibility=own.random((n, r)), radius_90=own.random((n, r)), evaluations=own.integers(100, size=(n, r)),
         update_s=seconds * (1 + own.random((n, r))), estimate_s=np.zeros((n, r)), propose_s=np.zeros((n, r)),
+        nees=own.random((n, r)),
     )  # fmt: skip
     words = {"hold_out": asked.words.get("hold_out", ()), "trials": asked.trials, "readings": r, "seed": of}
     config = RunConfig(estimator="histogram", **words).model_dump(mode="json")
