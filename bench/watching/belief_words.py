@@ -90,14 +90,15 @@ class BeliefWords:
             return values
         known = estimate.label in self._of and estimate.samples is not None
         sure = certainty(estimate, estimate.robot_in_object, self._of[estimate.label]) if known else None
+        mean, spread = estimate.mean, estimate.covariance
         values |= {
             "label": estimate.label,
             "probabilities": {label: float(p) for label, p in estimate.probabilities.items()},
             "robot_in_object": numbers(estimate.robot_in_object, 4),
             "sensor_in_robot": numbers(belief.touches[-1].sensor_in_robot, 4),
             "unexplained": round(float(estimate.unexplained), 3),
-            "mean": numbers(estimate.mean, 4) if known else None,
-            "covariance": [numbers(row, 6) for row in estimate.covariance] if known else None,
+            "mean": None if mean is None else numbers(mean, 4),
+            "covariance": None if spread is None else [numbers(row, 6) for row in spread],
             "within_mm": None if sure is None else round(float(sure.radius), 3),
             "delay_ms": None if belief.delay is None else round(1e3 * belief.delay, 1),
         }
