@@ -25,6 +25,7 @@ from tactsim.core.documents import read_json
 from tactsim.core.errors import counted
 from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
 from tactsim.core.poses import FloatArray
+from tactsim.estimators import NONE
 from tactsim.models.shapes import LARGEST_FILE, shape
 
 if TYPE_CHECKING:
@@ -110,6 +111,17 @@ class Run:
         return f"{share:.0%} of the readings are {BADLY_EXPLAINED}" if share > _OFTEN else None
 
     @property
+    def refusing(self) -> str | None:
+        """Say it if many trials of known letters end in "none"; None if few do."""
+        share = self.summary["refused_known"][-1] or 0.0
+        return (
+            f"{share:.0%} of the trials of a known {self.kind.thing} end in {NONE!r}: readings differ from those of "
+            "training, say in their load; take training presses of every load, or do without `unknown`"
+            if share > _MUCH_REFUSED
+            else None
+        )
+
+    @property
     def ended(self) -> str | None:
         """Say after how many touches trials ended, and how often they were right then; None if all took all."""
         stop_at = self.config.get("stop_at")
@@ -124,7 +136,7 @@ class Run:
     @property
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
-        lines = [line for line in (self.ended, self.badly_explained) if line is not None]
+        lines = [line for line in (self.ended, self.badly_explained, self.refusing) if line is not None]
         return lines + self.kind.cautions(self)
 
     @property
@@ -323,6 +335,7 @@ class Run:
 BADLY_EXPLAINED = (
     "explained worse than the training's: other places, lighter presses, another pad, an unknown object?"
 )
+_MUCH_REFUSED = 0.2  # of the trials of known letters
 _OFTEN = 0.25  # a share of the readings that neither chance nor a rough world reaches
 PACKED = "trials.npz"  # what a bundle keeps in place of the tables of a run's folder
 SHAPES = "shapes"  # a run's folder of the files of the user's own shapes

@@ -277,8 +277,9 @@ class MapFilter(Estimator):
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
         known = self.own_estimate() if self.moving is None else self.moving.estimate()
+        against = 0.0
         if self.open_set is not None:
-            known = self.open_set.estimate(known, self.path(known), self.weighted_states)
+            against = self.open_set.log_odds(known, self.path(known), self.weighted_states)
         if self.pad_fit is not None:
             known = known.moved(self.pad_fit.units.poses_back)
         if len(set(self._object_of.values())) < len(self._object_of):  # an object's views are summed
@@ -288,6 +289,8 @@ class MapFilter(Estimator):
                 summed[name] = summed.get(name, 0.0) + p
             label = self._object_of.get(known.label, known.label)
             known = replace(known, label=label, probabilities=summed)
+        if self.open_set is not None:
+            known = self.open_set.estimate(known, against)
         return self.frames.estimate_back(known)
 
     def likeliest(self, mass: FloatArray) -> tuple[int, FloatArray]:

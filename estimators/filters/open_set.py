@@ -87,20 +87,20 @@ class OpenSet:
         """Keep a reading (taxels,) for the comparison with what mosaics predict."""
         self._felt.append((reading, sensor_in_robot))
 
-    def estimate(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> Estimate:
-        """Give "none" its share: the prior odds, times those of the misfits of the letters that may still be.
-
-        known: the estimate over the known letters. path: robot_in_object at each touch (n, 3) that goes with it.
-        states: gives the belief over the known letters.
-        """
-        odds = self._log_odds(known, path, states) + math.log(self._unknown) - math.log1p(-self._unknown)
+    def estimate(self, known: Estimate, log_odds: float) -> Estimate:
+        """Give "none" its share beside the known letters: the prior odds, times what the misfits say (`log_odds`)."""
+        odds = log_odds + math.log(self._unknown) - math.log1p(-self._unknown)
         none = 1 / (1 + math.exp(-odds)) if odds > 0 else math.exp(odds) / (1 + math.exp(odds))
         probabilities = {label: (1 - none) * p for label, p in known.probabilities.items()} | {NONE: none}
         best = max(probabilities, key=probabilities.__getitem__)
         return replace(known, label=best, probabilities=probabilities)
 
-    def _log_odds(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> float:
-        """Weigh "none" against all letters: p(m | none) / p(m | letter), of which the inverse is averaged over them."""
+    def log_odds(self, known: Estimate, path: FloatArray, states: Callable[[], WeightedStates]) -> float:
+        """Weigh "none" against the letters that may still be: p(m | none) / p(m | letter), its inverse averaged.
+
+        known: the estimate over the known letters. path: robot_in_object at each touch (n, 3) that goes with it.
+        states: gives the belief over the known letters.
+        """
         if not self._felt:
             return 0.0
         readings, poses = self._history(known, path)

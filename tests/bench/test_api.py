@@ -302,3 +302,13 @@ def test_a_run_whose_trials_may_end_says_how_many_touches_they_took(tmp_path):
     assert "touches on average" in page
     with pytest.raises(InputError, match="different protocols"):
         compare(whole, ended)
+
+
+def test_a_run_says_so_if_it_refuses_much_of_what_it_knows():
+    run = tactsim.run(estimator="histogram", bins=500, letters="AE", trials=2, readings=2)
+    assert run.refusing is None
+    label = run.trials.label.astype("U4")
+    label[0, -1] = "none"
+    refused = replace(run, trials=replace(run.trials, label=label))
+    assert refused.cautions == run.cautions + [refused.refusing]
+    assert refused.refusing.startswith("25% of the trials of a known letter end in 'none'")

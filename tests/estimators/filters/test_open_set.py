@@ -111,3 +111,15 @@ def test_a_letter_of_that_name_is_refused(scan):
     with pytest.raises(InputError, match="'none'"):
         create("refined", unknown=0.1, bins=1000).fit(named)
     create("refined", bins=1000).fit(named)
+
+
+def test_an_object_of_two_views_may_be_none_of_these(scan):
+    """Two views that share an object's belief are one hypothesis beside none."""
+    seen = replace(scan, views=np.arange(len(scan)) % 2)
+    estimator = create("refined", unknown=0.3, bins=500, cell=0.8)
+    estimator.fit(seen.untrained("E"))
+    for label in "EL":
+        for said in follow(estimator, *draw_trial(scan, label, 3, np.random.default_rng(4))[:2], 1):
+            assert set(said.probabilities) == {"I", "L", "T", NONE}
+            assert sum(said.probabilities.values()) == pytest.approx(1)
+            assert said.label == max(said.probabilities, key=said.probabilities.__getitem__)
