@@ -279,6 +279,10 @@ class ScanWords(BaseModel):
         if self.pad is not None:
             from tactsim.hardware.device import load_device
 
+            if "pad" in self.scan_set:
+                raise InputError(
+                    f"the pad {self.pad} has its measures; leave out scan_set pad, or change them in a copy of its file"
+                )
             values = merged(values, {"pad": load_device(self.pad).pad.model_dump()})
         if self.noise == "off":
             values = merged(values, WORLDS["ideal"])

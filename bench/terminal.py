@@ -26,6 +26,7 @@ from rich.table import Table
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.runs import paper
+from tactsim.bench.runs.naming import task_name
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
 
@@ -130,6 +131,10 @@ def print_run(run: Run, verbose: bool = False) -> None:
     known = run.plan.scan.where("train").letters if run.plan else ()
     among = f" (among {' '.join(known)})" if set(run.letters) < set(known) else ""
     console.print(f"{task}{' '.join(run.letters)}{among}: {trials}, {run.protocol}, seed {run.seed}")
+    # What is pressed, and how, where that is not the default's; letters stand above.
+    others = [word for word in task_name(run).split(", ") if not word.startswith(("letters ", "seed "))]
+    if not task and others != ["defaults"] and others:
+        console.print(f"with {', '.join(others)}")
     for line in headline(run):
         console.print(line, style="bold")
     rows = _rows(run.readings, ROWS) if verbose else _rows(run.readings)

@@ -135,7 +135,7 @@ class RecordedTouches(ListedTouches):
 
 def _counted_presses(scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Give the press of each reading (n,), and how many readings that has (n,)."""
-    press = np.arange(len(scan)) if scan.presses is None else scan.presses
+    press = scan.press_numbers
     _, which, count = np.unique(press, return_inverse=True, return_counts=True)
     return press, count[which.reshape(-1)]
 

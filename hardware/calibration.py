@@ -125,12 +125,12 @@ def take_tare(
     free = np.setdiff1d(np.arange(values.shape[1]), stuck)
     if not len(free):
         raise InputError("every taxel of the pad says the same all the time: is it connected?")
-    far = free[np.abs(tare[free]) > device.largest_offset_kpa]
+    far = free[tare[free] > device.largest_offset_kpa]  # a zero that has fallen is none that is touched
     if len(far) > _LOADED * values.shape[1] or _most_beside(device.pad.taxel_xy, far) > _BESIDE:
-        worst = far[np.argmax(np.abs(tare[far]))]
+        worst = far[np.argmax(tare[far])]
         raise InputError(
-            f"something touches the pad: taxel {worst} reads {tare[worst]:.1f} kPa; take everything off, or "
-            f"raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
+            f"something touches the pad: taxel {device.called(worst)} reads {tare[worst]:.1f} kPa; take everything "
+            f"off, or raise largest_offset_kpa ({device.largest_offset_kpa:g}) in the device file if nothing is there"
         )
     # Noise is taken from one frame to the next: a slow movement would otherwise count as noise and hide itself.
     jitter = np.sqrt((np.diff(values, axis=0) ** 2).mean(axis=0) / 2)
@@ -144,8 +144,8 @@ def take_tare(
     if len(moving):
         worst = moving[np.argmax(moved[moving])]
         raise InputError(
-            f"something moves on the pad: taxel {worst} went by {np.ptp(values[:, worst]):.1f} kPa during the "
-            "tare; take everything off and wait until it is at rest"
+            f"something moves on the pad: taxel {device.called(worst)} went by {np.ptp(values[:, worst]):.1f} kPa "
+            "during the tare; take everything off and wait until it is at rest"
         )
     return Calibration(
         device=device.name, port=port, taken=now or datetime.now(UTC).replace(microsecond=0),

@@ -33,7 +33,7 @@ def cut(
 
     Raises InputError if the window does not fit, the taxels are not evenly spaced, or no window is whole.
     """
-    presses = np.arange(len(scan)) if scan.presses is None else scan.presses
+    presses = scan.press_numbers
     scan = replace(scan, presses=presses, sequence=None, sequence_times=None, sequence_force=None)
     grid = taxel_grid(scan.taxel_xy)
     if not (1 <= rows <= grid.shape[0] and 1 <= columns <= grid.shape[1] and stride >= 1):

@@ -204,6 +204,22 @@ class Device(BaseModel):
         usual = 0 if self.codec is None else self.codec.usual_address
         return part.port, usual if part.address is None else part.address
 
+    def taxel_names(self) -> list[str]:
+        """Name the pad's taxels; where the device has another order, with its value that each is: 7 (value 2)."""
+        names, several = list(map(str, range(self.pad.taxels))), len(self.part) > 1
+        wired = [self.wiring(part).tolist() for part in self.part]
+        if wired == [list(range(self.pad.taxels))]:
+            return names
+        for number, taxels in enumerate(wired):
+            for value, taxel in enumerate(taxels):
+                if taxel != UNREAD:
+                    names[taxel] = f"{taxel} (value {value}" + (f" of part {number})" if several else ")")
+        return names
+
+    def called(self, *taxels: int) -> str:
+        """List taxels of the pad by their names."""
+        return ", ".join(map(self.taxel_names().__getitem__, taxels))
+
     def wiring(self, part: Part) -> NDArray[np.int64]:
         """List for each taxel of a part the pad's taxel that it is, or -1."""
         if part.taxels is None:

@@ -176,6 +176,8 @@ class Replay(Source):
 
     def _note(self, kind: Kind, content: dict[str, Any]) -> None:
         self.marks += kind is Kind.MARK
+        if kind is Kind.MARK and "calibration" in content:  # a tare that was taken in the session
+            self._correct(content["calibration"])
         if self._on_note is not None:
             self._on_note(kind, content, self._given)
 

@@ -28,15 +28,15 @@ from tactsim.hardware.codecs.codec import STRICT
 from tactsim.hardware.press_readings import Moments, PressReadings, Window
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Kind, Whole
-from tactsim.hardware.session import Plan, Press, count_taken, note, parse_press
+from tactsim.hardware.session import Plan, Press, Tare, count_taken, note, parse_mark
 
 
 @dataclass
 class SessionRecord:
     """What the recording of a guided session says.
 
-    readings: how many it has. presses: the marks by number. calibrations: for each segment the number of
-    its first reading, and its calibration or None. segments: the segments' contents.
+    readings: how many it has. presses: the marks by number. calibrations: of each segment, and of each tare taken
+    within it, from which reading on it corrects, and the calibration or None. segments: the segments' contents.
     """
 
     path: Path
@@ -69,10 +69,12 @@ def read_session(path: str | Path) -> SessionRecord:
                 calibration = checked(Calibration, calibration, "calibration")
             calibrations.append((readings, calibration))
         elif kind is Kind.MARK and plan is not None:
-            press = parse_press(content, len(plan.poses))
-            if press.first + press.count > readings:
-                raise InputError(f"mark: press {press.number} names readings that come after it")
-            note(presses, press)
+            mark = parse_mark(content, len(plan.poses))
+            if mark.first + (0 if isinstance(mark, Tare) else mark.count) > readings:
+                raise InputError("mark: it names readings that come after it")
+            if isinstance(mark, Tare):
+                calibrations.append((mark.first, mark.calibration))
+            note(presses, mark)
 
     replay = Replay(path, corrected=False, on_note=take)
     readings = sum(1 for _ in replay)

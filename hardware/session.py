@@ -8,7 +8,7 @@ scan can be worked out again from the raw bytes.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Literal
@@ -22,7 +22,7 @@ from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
 from tactsim.core.scan import is_label
-from tactsim.hardware.calibration import force
+from tactsim.hardware.calibration import Calibration, force
 from tactsim.hardware.codecs.codec import STRICT
 
 _LIFTED = 5  # readings without touch after which a press is over
@@ -30,6 +30,7 @@ _STILL_TOUCHED = 3.0  # s after which a person is told that something still touc
 _STEADY = 0.03  # sd over mean that a steady hand may give force and image, in addition to the sensor's noise
 # At most, for 4 readings or more: n var(total - noise variance) / sum of the noise variances squared.
 _SPREAD = 4.0
+_ZERO_MOVED = "its zero has moved; take a tare (t) while nothing touches it"
 _GIVE_UP = 30.0  # s beyond its patience after which a machine's press is given up
 
 
@@ -88,6 +89,15 @@ class Press(BaseModel):
     count: int = Field(0, ge=0, le=10_000)
 
 
+class Tare(BaseModel):
+    """A mark of a recording: a tare that was taken in the session, which corrects from reading `first` on."""
+
+    model_config = STRICT
+
+    first: int = Field(ge=0)
+    calibration: Calibration
+
+
 class Phase(Enum):
     """What a session waits for."""
 
@@ -103,7 +113,8 @@ class Session:
     """Lead through the presses of a plan.
 
     presses: those already recorded or skipped, by number. current: the press that is asked for.
-    message: what is wrong with the press so far, or "". image: (taxels,) kPa, the last press taken.
+    message: what is wrong with the press so far, or "". image: (taxels,) kPa, the last press taken. called(k): names
+    the taxel that value k of a reading is.
     """
 
     plan: Plan
@@ -113,6 +124,7 @@ class Session:
     phase: Phase = Phase.LIFT
     message: str = ""
     image: FloatArray | None = None
+    called: Callable[[int], str] = str
 
     def __post_init__(self) -> None:
         self._recent: deque[FloatArray] = deque(maxlen=self.plan.window)  # images, kPa
@@ -147,10 +159,10 @@ class Session:
         if self.phase is Phase.LIFT:
             self._untouched = 0 if touched else self._untouched + 1
             if touched and reading.host_time - self._since > _STILL_TOUCHED:
-                taxel = int(np.argmax(reading.pressures))
+                most = int(np.argmax(reading.pressures))
                 self.message = (
-                    f"taxel {taxel} still reads {reading.pressures[taxel]:.1f} kPa; lift everything off, or "
-                    "take a tare"
+                    f"taxel {self.called(most)} still reads {reading.pressures[most]:.1f} kPa; lift everything off; "
+                    f"if nothing lies on the pad, {_ZERO_MOVED}"
                 )
             if self._untouched >= _LIFTED:
                 self.message = ""
@@ -159,6 +171,8 @@ class Session:
         elif self.phase is Phase.TOUCH:
             if touched:
                 self._begin(Phase.STEADY)
+            else:
+                self._watch_zero(reading.pressures)
         elif self.phase is Phase.STEADY:
             self._settle(reading.pressures, touched)
         elif self.phase is Phase.TAKING:
@@ -168,6 +182,12 @@ class Session:
         if waits and patience is not None and reading.host_time - self._since > patience:
             self.take_anyway()
         return None
+
+    def tared(self) -> None:
+        """Begin the open press anew, since what readings are measured from has changed."""
+        if self.phase is not Phase.DONE:
+            self._begin(Phase.LIFT)
+            self.message, self._since = "", None
 
     def take_anyway(self) -> None:
         """Take the press from now on, touched or not: a hole of the letter may lie over the pad."""
@@ -194,6 +214,21 @@ class Session:
         self._recent.clear()
         self._taken = []
         self._untouched = 0
+
+    def _watch_zero(self, pressures: FloatArray) -> None:
+        """Say so where a pad that nothing touches reads the force of a press, or a taxel far less than nothing."""
+        self._recent.append(pressures)
+        if len(self._recent) < self.plan.window:
+            return
+        level = np.mean(self._recent, axis=0)
+        least, felt = int(level.argmin()), float(force(level, self.pad))
+        if level[least] < -self.plan.touch_kpa or abs(felt) > self.plan.least_force > 0:
+            self.message = (
+                f"untouched, the pad reads {felt:.2f} N, taxel {self.called(least)} {level[least]:.1f} kPa: "
+                f"{_ZERO_MOVED}"
+            )
+        elif _ZERO_MOVED in self.message:
+            self.message = ""
 
     def _give_up(self, now: float) -> None:
         """End a session that nobody watches and that gets nowhere: its recording would grow without end."""
@@ -272,8 +307,10 @@ def wanders(values: FloatArray, allowed: float) -> bool:
     return bool((total - noise).sum() > allowed**2 + chance)
 
 
-def note(presses: dict[int, Press], mark: Press) -> None:
-    """Enter a mark into `presses`, those that are done, by number."""
+def note(presses: dict[int, Press], mark: Press | Tare) -> None:
+    """Enter a mark into `presses`, those that are done, by number; a tare is none."""
+    if isinstance(mark, Tare):
+        return
     if mark.what == "redo":
         presses.pop(mark.number, None)
     else:
@@ -293,8 +330,10 @@ def count_taken(presses: Mapping[int, Press]) -> int:
     return sum(press.what == "taken" for press in presses.values())
 
 
-def parse_press(content: Mapping[str, Any], total: int) -> Press:
-    """Read a mark of a recording. Raises InputError if it is no press of a plan with `total`."""
+def parse_mark(content: Mapping[str, Any], total: int) -> Press | Tare:
+    """Read a mark of a recording. Raises InputError if it is neither a tare nor a press of a plan with `total`."""
+    if "calibration" in content:
+        return checked(Tare, content, "mark")
     press = checked(Press, content, "mark")
     if press.number >= total:
         raise InputError(f"mark: press {press.number} of a session with {total}")

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError, short
@@ -81,10 +82,17 @@ def _looks_like_a_name(name: str, rest: str) -> bool:
     return bool(rest) and not rest.startswith("//") and name.isidentifier() and len(name) > 1
 
 
+def taxels_of(source: Source) -> NDArray[np.int64]:
+    """Find for each value of a source's readings which taxel of its pad it is; some may be left out."""
+    apart = np.abs(source.taxel_xy[:, None] - source.pad.taxel_xy[None]).max(axis=-1)
+    return apart.argmin(axis=1)
+
+
 class Corrected(Wrapper):
     """Another source, its readings corrected by a calibration."""
 
     calibrated = True
+    uncorrected: Reading  # the last one
 
     def __init__(self, inner: Source, calibration: Calibration, name: str) -> None:
         """Correct what `inner`, called `name` in messages, gives.
@@ -92,8 +100,17 @@ class Corrected(Wrapper):
         Raises InputError if it is corrected already, or has another number of taxels than the calibration.
         """
         super().__init__(inner)
-        self._name, self._correction = name, Correction(calibration, inner.pad)
+        self._name = name
+        self.correct_by(calibration)
         self._check_uncorrected()
+
+    def correct_by(self, calibration: Calibration) -> None:
+        """Correct what comes from now on by another calibration."""
+        self.calibration, self._correction = calibration, Correction(calibration, self.inner.pad)
+
+    def apply(self, reading: Reading) -> Reading:
+        """Correct a reading of the inner source."""
+        return self._correction.apply(reading)
 
     @property
     def taxel_xy(self) -> FloatArray:  # type: ignore[override]
@@ -105,9 +122,9 @@ class Corrected(Wrapper):
 
         Raises SourceError also where a recording begins to be corrected by a calibration of its own.
         """
-        reading = self.inner.read(timeout)
+        self.uncorrected = self.inner.read(timeout)
         self._check_uncorrected()
-        return self._correction.apply(reading)
+        return self.apply(self.uncorrected)
 
     def _check_uncorrected(self) -> None:
         if self.inner.calibrated:

@@ -16,6 +16,8 @@ Covers = Callable[[FloatArray], NDArray[np.bool_]]
 # Colours from nothing to the largest pressure, one brighter than the other (after matplotlib's inferno).
 _STOPS = np.array([(20, 18, 46), (87, 16, 110), (188, 55, 84), (249, 142, 9), (252, 255, 164)], dtype=float)
 _SIGNS = " .:-=+*#%@"  # the same where there is no colour
+# From where a pad is seen, whose picture is exchanged left and right where that is its face (`from_behind`).
+SEEN = {True: "the pad's face, seen from above", False: "the pad's back, seen through it"}
 _NUMBERED = 4  # characters of a taxel with its number
 
 

@@ -78,28 +78,38 @@ def _lines(recording: Recording) -> list[str]:
 
 def command_export(
     source: Annotated[Path, typer.Argument(metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run.")],
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: parquet or hdf5.")],
-    out: Annotated[Path, typer.Option(help="The new folder (parquet) or the file (.h5) to write.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: parquet, hdf5, or of a scan csv.")],
+    out: Annotated[Path, typer.Option(help="The new folder (parquet) or the file (.h5, .csv) to write.")],
     licence: shared.Licence = None,
 ) -> None:
-    """Write a scan, or the trials of a run, in a format of others: Parquet or HDF5."""
+    """Write a scan, or the trials of a run, in a format of others: Parquet, HDF5 or CSV."""
     from tactsim.bench import formats
     from tactsim.bench.console import plain_console
+    from tactsim.bench.formats.csv_file import write_press_table
     from tactsim.bench.places import check_new_file, check_new_folder
     from tactsim.bench.results import Run
     from tactsim.core import InputError, Scan
+    from tactsim.core.files import replacing
 
-    form = formats.find(to)
-    if form.suffixes:
-        check_new_file(out, source)
+    form = None if to == "csv" else formats.find(to)
+    if form is None or form.suffixes:
+        check_new_file(out, source, suffix=".csv" if form is None else "")
     else:
         check_new_folder(out)
+    if form is None and source.is_dir():
+        raise InputError(f"the trials of a run are a table already: {source / 'trials.csv'}")
     what = Run.load(source) if source.is_dir() else Scan.load(source)
     if licence is not None:
         if isinstance(what, Run):
             raise InputError("--licence is of a scan; the trials of a run state none")
         what = what.licensed(licence)
-    formats.write(what, out, to)
+    if form is None and isinstance(
+        what, Scan
+    ):  # a table does not say its pad, so it is no format that comes back
+        with replacing(out) as stream:
+            write_press_table(what, stream)
+    else:
+        formats.write(what, out, to)
     if isinstance(what, Run):
         said = f"{what.trials.label.size:,} estimates of {len(what.trials.truth):,} trials"
     else:

@@ -85,6 +85,7 @@ def command_probe(
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     seconds: Annotated[float, shared.number("How long to listen.", least=0.1)] = 2.0,
+    seen: pads.Seen = "behind",
     as_json: shared.AsJson = False,
 ) -> None:
     """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""
@@ -98,8 +99,8 @@ def command_probe(
     from tactsim.core.source import NoReading, SourceEnded, SourceError
     from tactsim.hardware.calibration import force
     from tactsim.hardware.recorded import open_text
-    from tactsim.hardware.sources import open_source
-    from tactsim.hardware.terminal_pictures import tactile_image
+    from tactsim.hardware.sources import open_source, taxels_of
+    from tactsim.hardware.terminal_pictures import SEEN, tactile_image
 
     described, correction = pads.load(device, calibration)
     heard = _Heard()
@@ -154,7 +155,10 @@ def command_probe(
     console.print(f"{described.name}: {values.shape[1]} taxels, {len(readings):,} readings, {rate}")
     console.print(pads.counters_line(counters))
     console.print(f"mean of the readings in kPa; the last one sums to {pads.rounded(answer['force_n'], 2)} N")
-    console.print(tactile_image(values.mean(axis=0), source.taxel_xy))
+    console.print(tactile_image(values.mean(axis=0), source.taxel_xy, seen == "behind"))
+    largest, kpa = int(values.mean(axis=0).argmax()), values.mean(axis=0).max()
+    taxel = described.called(int(taxels_of(source)[largest]))
+    console.print(f"{SEEN[seen == 'behind']}; the most, {kpa:.1f} kPa, reads taxel {taxel}")
     console.print(f"noise {np.median(values.std(axis=0)):.2f} kPa (median taxel)")
 
 
@@ -242,9 +246,11 @@ def command_tare(
         console.print(f"gain {min(result.gain):.3f} to {max(result.gain):.3f}")
     for name, taxels in (("stuck", result.stuck), ("dead", result.dead)):
         if taxels:
-            console.print(f"{name} and left out: taxels {', '.join(map(str, taxels))}")
+            console.print(f"{name} and left out: taxels {described.called(*taxels)}")
     if result.loaded:
-        said = ", ".join(f"{taxel} ({result.tare[taxel]:.1f} kPa)" for taxel in result.loaded)
+        said = ", ".join(
+            f"{described.called(taxel)}, {result.tare[taxel]:.1f} kPa" for taxel in result.loaded
+        )
         console.print(f"always loaded, though nothing touches the pad, and left out: taxels {said}")
     console.print(pads.counters_line(counters))
     console.print(f"written to {out}")

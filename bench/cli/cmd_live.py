@@ -83,6 +83,7 @@ def command_live(
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
+    from tactsim.hardware.sources import taxels_of
     from tactsim.models import shape
 
     pads.refuse_without_page(context, web)
@@ -105,7 +106,11 @@ def command_live(
         if hand is None and correction is None:
             untared = "no --calibration: if the pad never counts as lifted, `bench tare` makes one"
             plain_console(stderr=True).print(untared, soft_wrap=True)
-        leading = TouchLeader(recogniser, plan, source.pad, "information" if ask else "random", seed, hand)
+        places = taxels_of(source)
+        leading = TouchLeader(
+            recogniser, plan, source.pad, "information" if ask else "random", seed, hand,
+            lambda k: described.called(int(places[k])),
+        )  # fmt: skip
         words = BeliefWords(leading, train, maps_of(made), source, seen == "behind")
         reader.on_reading, reader.on_tare = leading.take, leading.tared
         page = None

@@ -166,7 +166,7 @@ def station(
         ports,
         device,
         calibration,
-        lambda plan: segment(device, ports, calibration, plan=plan.model_dump(mode="json")),
+        lambda plan, tare: segment(device, ports, tare, plan=plan.model_dump(mode="json")),
         seen == "behind",
         console,
     )

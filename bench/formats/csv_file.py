@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from pydantic import Field
@@ -35,6 +38,21 @@ class PressRow(PlacedPress):
 
 
 _NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
+
+
+def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
+    """Write the table that `read_press_table` reads: label, split, pose, press and load of each reading, and taxels."""
+    text = io.TextIOWrapper(stream, "utf-8", newline="")
+    table = csv.writer(text)
+    loads = [] if scan.loads is None else [["" if math.isnan(load) else load for load in scan.loads.tolist()]]
+    names = ["label", "split", "x_mm", "y_mm", "theta_rad", "press", *["load_N"] * len(loads)]
+    table.writerow(names + [f"t{taxel}" for taxel in range(scan.readings.shape[1])])
+    words = (scan.labels, scan.split, *scan.poses.T, scan.press_numbers)
+    for *row, values in zip(
+        *(column.tolist() for column in words), *loads, scan.readings.tolist(), strict=True
+    ):
+        table.writerow(row + values)
+    text.detach()
 
 
 _POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}

@@ -18,7 +18,7 @@ from tactsim.bench.results import Run, to_json
 from tactsim.bench.runs.tables import markdown_table
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import read_json
-from tactsim.core.errors import short
+from tactsim.core.errors import counted, short
 from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
 from tactsim.core.scan import SPLITS, is_label
@@ -38,7 +38,11 @@ def write_scan(scan: Scan, folder: Path) -> None:
     for split in SPLITS:
         rows = np.flatnonzero(scan.split == split)
         labels = pa.array(scan.labels[rows].tolist(), pa.string())
-        columns = {"row": _lists(rows.astype(np.int64)), "label": labels}
+        columns = {
+            "row": _lists(rows.astype(np.int64)),
+            "press": _lists(scan.press_numbers[rows]),
+            "label": labels,
+        }
         columns |= {name: _lists(array[rows]) for name, array in arrays.items()}
         if len(rows):  # the library `datasets` loads no file without rows
             _write(pa.table(columns), _file(folder, split))
@@ -133,11 +137,15 @@ _KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
 
 def card_of_scan(scan: Scan) -> str:
     """Write the card of a scan in Parquet: splits, columns with their units, licence; `scan.json` says all else."""
-    about, taxels = scan.about, scan.readings.shape[1]
+    about, taxels, presses = scan.about, scan.readings.shape[1], len(np.unique(scan.press_numbers))
     unit = about["units"]["readings"]
     columns = [
         ("column", "what it holds"),
         ("row", "the number of the reading in the scan, from 0"),
+        (
+            "press",
+            "the number of the press that the reading was taken of: rows of one number share its errors",
+        ),
         ("label", "the object that was pressed"),
         ("pose", "sensor_in_object: x mm, y mm, theta rad"),
         ("readings", f"one value for each of {taxels} taxels, {unit}"),
@@ -152,7 +160,8 @@ def card_of_scan(scan: Scan) -> str:
     licences = {about["licence"], *([about["train"]["licence"]] if about["train"] else [])}
     licence = licences.pop() if len(licences) == 1 else None
     text = [
-        f"{len(scan):,} presses of a pad of {taxels} taxels against {len(scan.letters)} objects at known poses:",
+        f"{counted(len(scan), 'reading')} of {counted(presses, 'press')} of a pad of {taxels} taxels against "
+        f"{len(scan.letters)} objects at known poses:",
         "    " + " ".join(scan.letters),
         markdown_table(columns).rstrip(),
         "`scan.json` says where the taxels' centres lie (mm, in the frame of the sensor), which frames and units all "

@@ -80,7 +80,7 @@ def with_last_to_test(scan: Scan, share: float) -> Scan:
     split = scan.split.copy()
     for label in scan.letters:
         own = np.flatnonzero(scan.labels == label)
-        press = own if scan.presses is None else scan.presses[own]
+        press = scan.press_numbers[own]
         numbers = np.unique(press)
         count = max(1, round(share * len(numbers)))
         if count >= len(numbers):

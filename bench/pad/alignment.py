@@ -111,7 +111,7 @@ def align(
         for label, one in found.items()
     }
     meta = {**scan.meta, "aligned": said} | ({} if withheld else {"poses": "unknown"})
-    presses = np.arange(len(scan)) if scan.presses is None else scan.presses
+    presses = scan.press_numbers
     views_of = views if views.any() else None
     return replace(scan, poses=poses, views=views_of, presses=presses, meta=meta), found
 

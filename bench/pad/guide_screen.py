@@ -19,7 +19,7 @@ from tactsim.hardware.session import Phase, Press, Session, count_taken
 from tactsim.hardware.terminal_pictures import Covers, on_template, placement, tactile_image, where
 from tactsim.press.clip import covers
 
-_KEYS = "space take it as it is   r redo the last   s skip   q stop (it goes on later)"
+_KEYS = "space take it as it is   r redo the last   s skip   t tare   q stop (it goes on later)"
 _AROUND = 6  # lines above and below the pictures: title, place, state, a message of two lines, keys
 _REACH = 27.0  # mm from the pad's middle that the drawing shows at least: a letter may lie beside the pad
 _BESIDE = 5.0  # mm that it shows beside a larger pad
@@ -91,7 +91,7 @@ class Screen:
                 f"{session.phase.value}  {view.force + 0.0:5.2f} N  {100 * session.progress:3.0f} %",
                 "bold green",
             )
-            message = session.message
+            message = view.message or session.message
         width, height = self._console.size
         return Group(
             _line(heading),
@@ -110,7 +110,7 @@ class Screen:
         drawing.right_crop()  # the last line's end
         room = width - int(2 * reach / cell) - 3, max((height - 2) // 2, 1)
         now = tactile_image(view.pressures, session.pad.taxel_xy, self._from_behind, room)
-        images = [Text("the pad now\n"), now]
+        images = [Text(f"the pad now, its {'face' if self._from_behind else 'back'}\n"), now]
         if session.image is not None:
             last = tactile_image(session.image, self.taxel_xy, self._from_behind, room)
             room_left = now.plain.count("\n") + last.plain.count("\n") + 3 <= height

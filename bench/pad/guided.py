@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +30,9 @@ from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
 from tactsim.hardware.scans import read_session
-from tactsim.hardware.session import Phase, Plan, Press, Session, count_taken, parse_press
+from tactsim.hardware.session import Phase, Plan, Press, Session, Tare, count_taken, parse_mark
 from tactsim.hardware.session import note as enter
-from tactsim.hardware.sources import Recorded, open_source
+from tactsim.hardware.sources import Recorded, open_source, taxels_of
 from tactsim.models import letter
 
 
@@ -40,14 +40,14 @@ from tactsim.models import letter
 class Station:
     """Where a person presses: the pad, and how they look at it.
 
-    ports: where the pad is. segment(plan): what a recording says of a sitting (`cli.pad_options.segment`).
+    ports: where the pad is. segment(plan, calibration): what a recording says of a sitting (`cli.pad_options.segment`).
     from_behind: whether the object's back is seen as it is pressed.
     """
 
     ports: list[str]
     device: Device
     calibration: Calibration | None
-    segment: Callable[[Plan], Mapping[str, Any]]
+    segment: Callable[[Plan, Calibration | None], Mapping[str, Any]]
     from_behind: bool
     console: Console
 
@@ -82,6 +82,9 @@ def record(
         if before.pad != station.device.pad:
             raise InputError(f"{journal} was recorded with another pad than {station.device.name!r}")
         plan, presses, first = before.plan, before.presses, before.readings
+        last = before.calibrations[-1][1]
+        if last and (station.calibration is None or last.taken > station.calibration.taken):
+            station = replace(station, calibration=last)  # a tare was taken since
     if not resume and journal.exists():
         raise InputError(f"{journal} exists; name another file, or go on with its session by `--resume`")
     session = Session(plan, station.device.pad, presses)
@@ -97,14 +100,19 @@ def record(
             if session.phase is Phase.DONE:  # what comes now is no longer between two presses
                 raise SourceEnded("all presses are recorded")
 
+        def tared(calibration: Calibration) -> None:
+            tare = Tare(first=leader.tared(calibration), calibration=calibration)
+            recorder.mark(tare.model_dump(mode="json"), time.monotonic())
+
         leader = Leader(session, first, note)
-        recorder.segment(station.segment(plan), time.monotonic())
+        recorder.segment(station.segment(plan, station.calibration), time.monotonic())
         with _open(station, leader, recorder, new=not resume) as source:
-            screen.taxel_xy = source.taxel_xy
+            screen.taxel_xy, places = source.taxel_xy, taxels_of(source)
+            session.called = lambda k: station.device.called(int(places[k]))
             if notice:
                 station.console.print(notice)
             name = " ".join(station.ports)
-            with PadReader(source, station.device, name, on_reading=take) as reader:
+            with PadReader(source, station.device, name, on_reading=take, on_tare=tared) as reader:
                 _lead(leader, reader, screen, station.console)
             if reader.error is not None:
                 raise reader.error
@@ -120,7 +128,10 @@ def _lead(leader: Leader, reader: PadReader, screen: Screen, console: Console) -
         return view.state == "ended" or reader.error is not None
 
     with suppress(KeyboardInterrupt):
-        show(reader, console, over, screen.draw, lambda key, _: leader.obey(key))
+        show(
+            reader, console, over, screen.draw,
+            lambda key, _: reader.tare() if key == "t" else leader.obey(key),
+        )  # fmt: skip
 
 
 def _open(station: Station, leader: Leader, recorder: Recorder, new: bool) -> Source:
@@ -239,5 +250,5 @@ def _progress(path: Path) -> tuple[Plan | None, dict[int, Press]]:
         if record.kind is Kind.SEGMENT:
             plan = checked(Plan, record.json().get("plan"), f"plan of {path}")
         elif record.kind is Kind.MARK and plan is not None:
-            enter(presses, parse_press(record.json(), len(plan.poses)))
+            enter(presses, parse_mark(record.json(), len(plan.poses)))
     return plan, presses

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from threading import RLock
 
 from tactsim.core.reading import Reading
+from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.session import Phase, Press, Session
 
 KEYS = {" ": "take", "r": "redo", "s": "skip", "n": "begin"}  # on a terminal, of the commands that there are
@@ -36,6 +37,12 @@ class Leader:
         """Pass on what became of a press, if something did, with the reading that came at `came`, s."""
         if press is not None:
             self._done(press)
+
+    def tared(self, calibration: Calibration) -> int:
+        """Begin the open press anew, from another zero; returns the number of the first reading that it corrects."""
+        with self.changed:
+            self.session.tared()
+            return self._count
 
     def asked(self) -> int | None:
         """Give the number of the press that should be on the pad now; None while the pad should be free."""

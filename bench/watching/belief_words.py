@@ -11,7 +11,6 @@ from tactsim.bench.pad.simulated_hand import SimulatedHand
 from tactsim.bench.placement import Properties, certainty, placement_error, properties
 from tactsim.bench.report.recognition import drawing, map_outline
 from tactsim.bench.results import BADLY_EXPLAINED
-from tactsim.bench.watching.pad_view import taxels_of
 from tactsim.bench.watching.recogniser import Belief
 from tactsim.bench.watching.touch_leader import LiveView, TouchLeader
 from tactsim.bench.watching.web import numbers
@@ -21,6 +20,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.source import Source
 from tactsim.estimators import NONE
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
+from tactsim.hardware.sources import taxels_of
 from tactsim.hardware.terminal_pictures import where
 
 

@@ -67,13 +67,12 @@ def _screen(
     colours = console.color_system is not None and not console.no_color
     width, height = console.size
     now = words.leading.view()
+    wrong = view.trouble or view.message or now.message
     lines: list[RenderableType] = [
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks(view, now),
         Text(words.where(now), "bold"),
-        Text(
-            printable(view.trouble or now.message or view.message), "red", no_wrap=True, overflow="ellipsis"
-        ),
+        Text(printable(wrong), "red", no_wrap=True, overflow="ellipsis"),
         *pad_lines(
             view, reader, width=width - 1, height=height - 9, from_behind=words.from_behind, colours=colours
         ),

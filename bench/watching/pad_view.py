@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -19,6 +18,7 @@ from tactsim.core.reading import Reading
 from tactsim.core.source import NoReading, Source, SourceEnded
 from tactsim.hardware.calibration import LEAST_FRAMES, Calibration, Correction, force, take_tare
 from tactsim.hardware.device import Device
+from tactsim.hardware.sources import Corrected, taxels_of
 
 State = Literal["waiting", "live", "lost", "ended"]
 
@@ -28,6 +28,7 @@ _BINS = round(HISTORY_S / BIN_S)
 _RATE_BINS = 20  # over which the rate is counted
 _TARE_FRAMES = 100
 _TARE_S = 30.0  # s within which they must come
+_SAID_S = 10.0  # s for which it is said what becomes of a tare
 _SILENCE_S = 0.3  # s of silence that any pad is allowed
 _LONGEST_WAIT = (
     1.0  # s: the source is asked so often at least, so that the thread ends soon when it is told to
@@ -43,7 +44,7 @@ class PadView:
     trouble: why it is lost, or "". pressures: (taxels,) kPa of all taxels of the pad, NaN where one is left out; None
     unless live, so that nobody takes an old image for the pad. host_time: s, of that reading. readings: how many came.
     rate: readings a second. force: N. scale: kPa, a round number above all pressures of the last seconds. left_out:
-    taxels that the calibration leaves out. message: what became of a tare.
+    taxels that the calibration leaves out. message: what becomes of a tare, for ten seconds.
     """
 
     number: int = 0
@@ -124,7 +125,7 @@ class PadReader:
         name: str,
         calibration: Calibration | None = None,
         on_reading: Callable[[Reading], None] | None = None,
-        on_tare: Callable[[Calibration], None] | None = None,
+        on_tare: Callable[[Calibration], object] | None = None,
     ) -> None:
         """Prepare to read `source`, called `name` in messages.
 
@@ -146,6 +147,7 @@ class PadReader:
         self._stop = Event()
         self._history = History()
         self._usual = _SILENCE_S  # s from one reading to the next, as long as it speaks
+        self._said_at = 0.0  # when the message was new
         self._taring: list[Reading] | None = None
         self._tare_until = 0.0
         self._view = PadView(tared=calibration is not None or source.calibrated)
@@ -197,7 +199,7 @@ class PadReader:
     def tare(self) -> None:
         """Begin to take a tare of the next readings; the view's message tells what becomes of it."""
         with self._changed:
-            if self.source.calibrated:
+            if self.source.calibrated and not isinstance(self.source, Corrected):
                 self._set(message="no tare: these readings are corrected already")
             elif self._taring is None:
                 self._taring, self._tare_until = [], time.monotonic() + _TARE_S
@@ -226,7 +228,7 @@ class PadReader:
         now = time.monotonic()
         with self._changed:
             if self._taring is not None:
-                self._take_tare(reading, now)
+                reading = self._take_tare(reading, now)
             corrected = (
                 reading.pressures if self._correction is None else self._correction.whole(reading.pressures)
             )
@@ -271,45 +273,54 @@ class PadReader:
             view,
             rate=self._history.rate(since),
             scale=round_up(max(_LEAST_SCALE, self._history.largest(since))),
+            message=view.message if now - self._said_at < _SAID_S else "",
             left_out=tuple(np.flatnonzero(~self._kept).tolist()),
         )
 
-    def _take_tare(self, reading: Reading, now: float) -> None:
+    def _take_tare(self, reading: Reading, now: float) -> Reading:
+        """Add a reading to the tare, which the last one ends; returns the reading, corrected by that."""
         assert self._taring is not None
-        self._taring.append(reading)
+        corrected = self.source if isinstance(self.source, Corrected) else None
+        self._taring.append(reading if corrected is None else corrected.uncorrected)
         if len(self._taring) < _TARE_FRAMES and now < self._tare_until:
-            return
+            return reading
         readings, self._taring = self._taring, None
         try:
             if len(readings) < LEAST_FRAMES:
                 raise InputError(f"only {len(readings)} readings came in {_TARE_S:g} s")
             taken = take_tare(readings, self.device, self.name)
-            wrong = ", ".join(map(str, taken.stuck + taken.loaded))
-            if wrong and self.on_reading is not None:  # who takes the readings cannot do without a taxel now
-                raise InputError(
-                    f"stuck or always loaded is {wrong}; `bench tare` and --calibration leave such taxels out"
-                )
+            before = self._calibration if corrected is None else corrected.calibration
+            if before is not None:
+                taken = taken.model_copy(update={"gain": before.gain, "dead": before.dead})
+            if self.on_reading is not None:  # who takes the readings cannot do without another taxel now
+                wrong = [taxel for taxel in np.flatnonzero(~taken.kept).tolist() if self._kept[taxel]]
+                if wrong:
+                    raise InputError(
+                        f"stuck or always loaded is {self.device.called(*wrong)}; `bench tare` and --calibration leave "
+                        "such taxels out"
+                    )
+                if before is not None:
+                    taken = taken.model_copy(update={"stuck": before.stuck, "loaded": before.loaded})
         except InputError as error:
             self._set(message=f"no tare: {error}")
-            return
-        if self._calibration is not None:
-            taken = taken.model_copy(update={"gain": self._calibration.gain, "dead": self._calibration.dead})
-        self._calibration, self._correction = taken, Correction(taken, self.pad)
+            return reading
+        if corrected is None:
+            self._calibration, self._correction = taken, Correction(taken, self.pad)
+        else:
+            corrected.correct_by(taken)
+            reading = corrected.apply(corrected.uncorrected)
         self._kept = taken.kept
         self._history.forget_largest()
         self._set(tared=True, message=f"tared, from {len(readings)} readings")
         if self.on_tare is not None:
             self.on_tare(taken)
+        return reading
 
     def _set(self, **changes: Any) -> None:
+        if "message" in changes:
+            self._said_at = time.monotonic()
         self._view = replace(self._view, number=self._view.number + 1, **changes)
         self._changed.notify_all()
-
-
-def taxels_of(source: Source) -> NDArray[np.int64]:
-    """Find for each value of a source's readings which taxel of its pad it is; some may be left out."""
-    apart = np.abs(source.taxel_xy[:, None] - source.pad.taxel_xy[None]).max(axis=-1)
-    return apart.argmin(axis=1)
 
 
 def round_up(value: float) -> float:

@@ -56,9 +56,11 @@ class TouchLeader(Leader):
         explore: Explore,
         seed: int,
         hand: SimulatedHand | None = None,
+        called: Callable[[int], str] = str,
     ) -> None:
-        """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated."""
-        super().__init__(Session(plan, pad))
+        """Prepare to ask for touches on `pad`. hand: what presses it, if it is simulated. called: see `Session`."""
+        super().__init__(Session(plan, pad, called=called))
+        self._called = called
         self.choosing = True
         self.recogniser = recogniser
         self.error: Exception | None = None  # what ended it, if something did
@@ -93,11 +95,14 @@ class TouchLeader(Leader):
         """Tell whether no touch waits for the estimator."""
         return not self._jobs.unfinished_tasks
 
-    def tared(self, calibration: Calibration) -> None:
-        """Let noise, as the tare has found it, not count as a touch."""
+    def tared(self, calibration: Calibration) -> int:
+        """Let noise, as the tare has found it, not count as a touch; else see `Leader.tared`."""
         with self.changed:
+            if not self.choosing:  # else the estimator's thread has the session
+                super().tared(calibration)
             touch = max(self._plan.touch_kpa, touch_above(max(calibration.noise)))
             self._plan = self.session.plan = self._plan.model_copy(update={"touch_kpa": touch})
+            return self._count
 
     def commands(self) -> dict[str, Callable[[], None]]:
         """Name what a person may ask for."""
@@ -165,7 +170,7 @@ class TouchLeader(Leader):
     def _begin(self) -> None:
         with self.changed:
             self.choosing = True  # a job before may have asked
-            self.session = Session(self._plan, self._pad)
+            self.session = Session(self._plan, self._pad, called=self._called)
             self._set(phase=_CHOOSING, message="", asked=None, tried=False)
             self._numbers.clear()
             self._publish(self.recogniser.begin_anew())

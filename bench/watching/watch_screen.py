@@ -18,7 +18,7 @@ from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.core.counters import counter_words
 from tactsim.core.errors import printable
-from tactsim.hardware.terminal_pictures import scale_bar, tactile_image
+from tactsim.hardware.terminal_pictures import SEEN, scale_bar, tactile_image
 
 REDRAW_S = 0.05
 _LINE_S = 1.0
@@ -128,7 +128,9 @@ def pad_lines(
         marks=dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
     )  # fmt: skip
     picture.rstrip()
-    return [picture, scale_bar(view.scale, min(width, 40), colours)]
+    scale = scale_bar(view.scale, min(width, 40), colours).append(f"  {SEEN[from_behind]}", "dim")
+    scale.no_wrap, scale.overflow = True, "crop"
+    return [picture, scale]
 
 
 def _on_terminal(
@@ -156,7 +158,7 @@ def _screen(
 ) -> Group:
     width, height = console.size
     shown = view if frozen is None else frozen
-    left_out = f"x left out: {', '.join(map(str, shown.left_out))}" if shown.left_out else ""
+    left_out = f"x left out: {reader.device.called(*shown.left_out)}" if shown.left_out else ""
     colours = console.color_system is not None and not console.no_color
     lines: list[RenderableType] = [
         Text(printable(f"{reader.device.name} at {reader.name}"), "bold", no_wrap=True, overflow="ellipsis"),

@@ -25,6 +25,7 @@ from tactsim.bench.pages import render
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
 from tactsim.core.counters import Counters, counter_words
 from tactsim.core.errors import InputError, printable
+from tactsim.hardware.terminal_pictures import SEEN
 
 HOST = "127.0.0.1"
 # The page looks like a report, and is made by the same small functions.
@@ -215,6 +216,8 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "columnEdges": np.round(pad.column_edges, 4).tolist(),
         "rowEdges": np.round(pad.row_edges, 4).tolist(),
         "fromBehind": from_behind,
+        "seen": [SEEN[False], SEEN[True]],
+        "taxels": reader.device.taxel_names(),
         "binSeconds": BIN_S,
         "historySeconds": HISTORY_S,
         "counterWords": {name: counter_words(name) for name in Counters().as_dict()},

@@ -161,7 +161,7 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
 
 def _parts(train: Scan, letter: NDArray[np.intp]) -> NDArray[np.intp]:
     """Divide the presses of each letter into FOLDS parts: (readings,)."""
-    press = np.arange(len(train)) if train.presses is None else train.presses
+    press = train.press_numbers
     part = np.empty(len(train), dtype=np.intp)
     for number in np.unique(letter):
         own = letter == number

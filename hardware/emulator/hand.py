@@ -20,7 +20,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.hardware.emulator.emulated import Emulated, Faults, Pressures
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import Interval, PlacedPress, named_rows
-from tactsim.hardware.session import Plan, Press, next_press, note, parse_press
+from tactsim.hardware.session import Plan, Press, next_press, note, parse_mark
 
 Wanted = Callable[[float], "FloatArray | None"]
 
@@ -83,7 +83,7 @@ class Follower:
                 if record.kind is Kind.SEGMENT:
                     self._begin(record.json().get("plan"))
                 elif record.kind is Kind.MARK:
-                    note(self._presses, parse_press(record.json(), len(self._rows)))
+                    note(self._presses, parse_mark(record.json(), len(self._rows)))
             current = len(self._rows) if self._plan is None else next_press(self._presses, self._plan)
             if current != self._current:
                 self._current, self._since = current, now

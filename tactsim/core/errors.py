@@ -32,7 +32,7 @@ _SHORT.maxstring = _SHORT.maxother = 80
 
 def counted(number: int, what: str) -> str:
     """Write a number and what it counts, in the plural unless it is one: 1 trial, 20 trials, 3 touches."""
-    return f"{number} {what}{'' if number == 1 else 'es' if what.endswith('ch') else 's'}"
+    return f"{number} {what}{'' if number == 1 else 'es' if what.endswith(('ch', 'ss')) else 's'}"
 
 
 def short(value: Any) -> str:

@@ -206,7 +206,7 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
             raise InputError(f"every press has a failed cell, such as {example}; write them as empty cells")
         taken, said = settled(scan.chosen(whole), zero, frames)
         cells = f"{failed.sum():,} failed cells, such as {example}"
-        return taken, f"{lost:,} of {len(scan):,} presses with {cells}, are left out; {said}"
+        return taken, f"{lost:,} of {len(scan):,} readings with {cells}, are left out; {said}"
     if frames is not None:
         if zero != "auto":
             raise InputError("--zero and --idle both say what idle taxels read; leave one out")

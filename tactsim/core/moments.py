@@ -177,7 +177,7 @@ def with_moments(scan: Scan, moments: int | Literal["auto"] = "auto", split: str
     return Scan(
         readings, scan.poses[rows], scan.labels[rows], scan.split[rows], scan.taxel_xy,
         {**scan.meta, "moments": said}, loads=None if loads is None else loads[rows] * share,
-        presses=rows if scan.presses is None else scan.presses[rows],
+        presses=scan.press_numbers[rows],
         moments=share if scan.moments is None else scan.moments[rows] * share,
     )  # fmt: skip
 

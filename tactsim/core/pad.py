@@ -19,9 +19,10 @@ from tactsim.core.poses import FloatArray
 
 OFFSET = 10.0  # mm: an object is hidden with x and y of T_R^O in [-OFFSET, OFFSET] (paper, section IV)
 _SIZE = math.sqrt(11.7 * 11.4)  # mm, of the paper's pad by `size`
-_ALIKE = (
-    0.03  # pads whose sizes differ by less are taken as equal: of one, a row may be masked or a seam narrower
-)
+# Pads whose sizes differ by less are taken as equal: of one, a row may be masked or a seam narrower.
+_ALIKE = 0.03
+# Of the paper's pad: one of other measures has no seam and no unread columns unless it says so.
+_PAPERS = {"rows": 6, "columns": 6, "pitch_x": 1.9, "pitch_y": 1.9, "taxel_width": 1.8, "taxel_height": 1.8}
 
 Length = Annotated[float, Field(ge=1e-3, le=1000)]
 
@@ -34,6 +35,7 @@ class Pad(Settings):
     columns along +x, and the origin of the sensor frame is the middle of the taxels read. The
     surface that carries load reaches to the outer edges of the outermost taxels, read or not; the
     gaps between taxels carry load too. What lies outside carries nothing (assumed).
+    A pad of other measures has no seam and no unread columns unless it says so.
     """
 
     rows: int = Field(6, ge=1, le=200, description="rows of taxels that are read")
@@ -51,8 +53,10 @@ class Pad(Settings):
     @model_validator(mode="before")
     @classmethod
     def _without_seam(cls, values: Any) -> Any:
-        """Read `no_seam = true` as `seam = "none"`."""
+        """Read `no_seam = true` as `seam = "none"`, and give a pad of other measures nothing that is the paper's."""
         if isinstance(values, dict):
+            if any(str(values.get(name, usual)) != str(usual) for name, usual in _PAPERS.items()):
+                values = {"seam": None, "unread_columns": 0, **values}
             stated = values.get("no_seam")
             if stated in (True, "true"):
                 values = {**values, "seam": None}
@@ -66,13 +70,6 @@ class Pad(Settings):
             raise ValueError("taxels overlap: taxel_width and taxel_height may be at most the pitch")
         if self.seam is not None and self.columns % 2:
             raise ValueError('a seam in the middle needs an even number of columns; give seam = "none"')
-        if "seam" not in self.model_fields_set and self.columns > 1:
-            gap = self.pitch_x - self.taxel_width
-            if self.seam is not None and self.seam < gap:
-                raise ValueError(
-                    f"the gap between columns is {gap:g} mm, in the middle {self.seam:g}, the paper's seam; give "
-                    'seam = "none" for even columns, or its width'
-                )
         return self
 
     @classmethod

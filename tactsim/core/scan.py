@@ -271,6 +271,11 @@ class Scan:
         return tuple(dict.fromkeys(self.labels.tolist()))
 
     @property
+    def press_numbers(self) -> NDArray[np.int64]:
+        """Number the press that each reading was taken of, (n,); without `presses` each is of one of its own."""
+        return np.arange(len(self)) if self.presses is None else self.presses
+
+    @property
     def about(self) -> dict[str, Any]:
         """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
         return statements(self.meta)
@@ -334,7 +339,7 @@ class Scan:
         A press is a reading where the scan does not say `presses`. Those of a smaller count are among those of a larger
         one. Raises InputError if an object has fewer.
         """
-        press = np.arange(len(self)) if self.presses is None else self.presses
+        press = self.press_numbers
         kept = self.split != "train"
         for label in self.where("train").letters:
             of_label = (self.split == "train") & (self.labels == label)

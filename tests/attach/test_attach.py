@@ -438,7 +438,7 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
         (
             "capsule",
-            {"pad": Pad(rows=40)},
+            {"pad": Pad(rows=40, seam=0.4, unread_columns=1)},
             "the pad reaches from (-7.7, -37.95) to (7.7, 37.95) mm and geom 'capsule' from (-13.5, -29.42) to "
             "(13.5, 29.42) mm about the pad's middle: choose a smaller pad",
         ),

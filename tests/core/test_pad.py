@@ -42,7 +42,7 @@ def test_cells_fill_the_surface_that_carries_load(gaps):
         ("rows = 0", "rows"),
         ("pitch = 2", "pitch"),
         ("pitch_x = 1.0", "overlap"),
-        ("columns = 5", "even"),
+        ("columns = 5\nseam = 0.4", "even"),
     ],
 )
 def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
@@ -51,6 +51,16 @@ def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
     with pytest.raises(InputError, match=says) as error:
         Pad.load(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("other", [{"rows": 3}, {"columns": 5}, {"pitch_x": 4.0}, {"taxel_width": 1.5}])
+def test_a_pad_of_other_measures_keeps_no_seam_and_no_column_of_the_papers(other):
+    pad = Pad(**other)
+    assert (pad.seam, pad.unread_columns) == (None, 0)
+    assert np.diff(pad.column_edges.mean(axis=1)) == pytest.approx(pad.pitch_x)
+    stated = Pad(**other, unread_columns=2)
+    assert (stated.seam, stated.unread_columns) == (None, 2)
+    assert (Pad(rows=6, pitch_x=1.9).seam, Pad(unread_rows=1).unread_columns) == (0.4, 1)
 
 
 @pytest.mark.parametrize(

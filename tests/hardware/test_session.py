@@ -1,3 +1,4 @@
+import re
 import time
 from dataclasses import replace
 
@@ -11,9 +12,10 @@ from tactsim.hardware.calibration import force
 from tactsim.hardware.emulator import Faults, emulate
 from tactsim.hardware.emulator.hand import SHARES, Pressing, Timing
 from tactsim.hardware.live import LiveSource
+from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Recorder
 from tactsim.hardware.scans import read_session, scan_of_sessions
-from tactsim.hardware.session import Phase, Plan, Press, Session, count_taken
+from tactsim.hardware.session import Phase, Plan, Press, Session, Tare, count_taken
 
 POSES = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.5), (0.0, 2.0, 1.0), (1.0, 1.0, 0.0))
 
@@ -189,6 +191,43 @@ def test_a_machine_that_presses_needs_no_key(pad):
     assert [press.number for press in hand.steps(800)] == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize(
+    ("level", "says"),
+    [
+        (-5.0, "untouched, the pad reads -0.10 N, taxel . -5.0 kPa: its zero has moved; take a tare"),
+        (np.array([0, 0, 0, 0, -9.0, 0]), "taxel 4 -9"),
+        (5.0, "taxel . still reads 5.* take a tare"),
+    ],
+)
+def test_a_zero_that_has_moved_is_said_and_tared_away(pad, level, says):
+    session = Session(plan(least_force=0.05), pad)
+    hand = Hand(session, table(), noise=0.01)
+    hand.pressing = lambda now: np.zeros(6) + level
+    hand.steps(400)
+    assert re.search(says, session.message)
+    session.tared()
+    hand.pressing = lambda now: np.zeros(6)
+    hand.steps(20)
+    assert (session.phase, session.message) == (Phase.TOUCH, "")
+
+
+def test_presses_before_and_after_a_tare_have_each_their_zero(tmp_path):
+    device, noise = small_device(), 0.1
+    with Recorder(tmp_path / "a.tactrec") as recorder:
+        recorder.segment({"device": device.as_json(), "plan": plan().model_dump(mode="json")}, 0.0)
+        for number in range(20):
+            values = np.arange(6.0) + noise * (-1) ** number + (30 if number >= 10 else 0)
+            recorder.reading(Reading(values, 0.01 * number))
+        for number in (0, 1):
+            press = Press(number=number, what="taken", first=10 * number, count=10)
+            recorder.mark(press.model_dump(), 1.0)
+        tare = calibration(tare=(30.0,) * 6)
+        recorder.mark(Tare(first=10, calibration=tare).model_dump(mode="json"), 1.0)
+    scan = scan_of_sessions([tmp_path / "a.tactrec"])
+    assert scan.readings == pytest.approx(np.tile(np.arange(6.0), (2, 1)))
+    assert sum(1 for _ in Replay(tmp_path / "a.tactrec")) == 20
+
+
 def test_the_same_press_is_never_taken_for_two_poses(pad):
     session = Session(plan(), pad)
     hand = Hand(session, table())
@@ -282,6 +321,7 @@ def test_a_session_cut_off_in_a_press_loses_that_press_only(tmp_path, pad):
     [
         ({"number": 4, "what": "taken"}, "press 4 of a session with 4"),
         ({"number": 0, "what": "taken", "first": 5, "count": 6}, "come after it"),
+        ({"first": 0, "calibration": {}}, "calibration.device"),
     ],
 )
 def test_marks_that_make_no_sense_are_refused(tmp_path, mark, message):

@@ -131,7 +131,7 @@ function drawScale(event) {
     context.fillRect(i, 0, 1, 1);
   }
   find("most").textContent = `${event.scale} kPa`;
-  find("marks").textContent = event.leftOut.length ? `x left out: ${event.leftOut.join(", ")}` : "";
+  find("marks").textContent = event.leftOut.length ? `x left out: ${event.leftOut.map((taxel) => data.taxels[taxel]).join(", ")}` : "";
 }
 
 let historyWidth = 0;
@@ -167,7 +167,7 @@ function drawHistory() {
 
 const WRONG = new Set(["garbage_bytes", "bad_checksums", "missed", "torn", "impossible", "stale", "strays", "timeouts", "unpaired", "clock_restarts", "reconnects"]);
 function drawCounters(event) {
-  find("counters").replaceChildren(...Object.entries(event.counters).map(([name, count]) =>
+  find("counters").replaceChildren(...Object.entries(event.counters).filter(([, count]) => count).map(([name, count]) =>
     h("div", { class: WRONG.has(name) && count ? "wrong" : null }, h("dt", {}, data.counterWords[name]), h("dd", {}, count.toLocaleString("en-US")))));
 }
 
@@ -226,8 +226,9 @@ function draw() {
   say("rate", now.state === "live" ? latest.rate.toFixed(1) : "0");
   say("readings", latest.readings.toLocaleString("en-US"));
   say("message", frozen && now.why ? now.why : latest.message || (latest.tared ? "" : "Not tared: take a tare with nothing on the pad."));
-  const at = pointed === null ? "" : `taxel ${pointed}, row ${Math.floor(pointed / data.columns)}, column ${pointed % data.columns}: `;
+  const at = pointed === null ? "" : `taxel ${data.taxels[pointed]}, row ${Math.floor(pointed / data.columns)}, column ${pointed % data.columns}: `;
   const here = pointed === null || !event ? null : event.pressures[pointed];
+  say("seen", data.seen[Number(mirrored)]);
   say("readout", at && at + (here === null ? "no value" : `${here.toFixed(1)} kPa`));
   if (seconds() - saidAt > 1) { // a screen reader is not told sixty times a second
     saidAt = seconds();

@@ -132,6 +132,14 @@ def test_idle_readings_are_read_from_any_table(tmp_path, text):
     assert np.atleast_2d(idle_frames(tmp_path / "idle.csv"))[-1].tolist() == [0.5, 1]
 
 
+def test_a_scan_is_written_as_the_table_that_is_read(tmp_path, here):
+    WANTED.save(tmp_path / "scan.npz")
+    done = here("export", "scan.npz", "--to", "csv", "--out", "scan.csv")
+    assert done.returncode == 0, done.stderr
+    assert read_press_table(tmp_path / "scan.csv", PAD, "N").digest == WANTED.digest
+    refused(here("export", "scan.npz", "--to", "csv", "--out", "scan.txt"), ".csv")
+
+
 OTHERS = "kind,position,angle,p0_fx,p0_fz,p1_fz,p2_fz,p3_fz,p4_fz,p5_fz\n"
 
 

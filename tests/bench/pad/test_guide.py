@@ -13,6 +13,7 @@ from tactsim.bench.pad.guide_screen import Screen
 from tactsim.bench.watching.pad_view import PadView
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
+from tactsim.hardware.scans import read_session
 from tactsim.hardware.session import Plan, Session
 
 
@@ -53,6 +54,24 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
     assert not any(character.isdigit() for line in lost[3:9] for character in line[39:])
     kinds = [record.kind for record in RecordReader(tmp_path / "A.tactrec")]
     assert Kind.LOST in kinds
+
+
+@pytest.mark.long
+def test_a_zero_that_falls_is_said_and_a_key_takes_a_tare(bench, here, on_terminal, tmp_path):
+    with emulated(bench, "--port", "pty:pad", "--drift", "-0.5"):
+        assert here("tare", "--port", "pad", "--out", "tare.toml").returncode == 0
+        terminal = on_terminal(
+            "record", "--port", "pad", "--letter", "A", "--out", "A.npz", "--calibration", "tare.toml"
+        )
+        terminal.until(lambda screen: "zero has moved" in screen.text)
+        terminal.press("t")
+        terminal.until(lambda screen: "tared, from 100 readings" in screen.text)
+        terminal.press("q")
+        assert terminal.ended() == 0
+    session = read_session(tmp_path / "A.tactrec")
+    first, taken = (calibration.tare for _, calibration in session.calibrations)
+    assert np.subtract(taken, first).max() < -1
+    assert session.calibrations[1][0] > 100
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, History, PadReader
 from tactsim.core.source import SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration
+from tactsim.hardware.sources import Corrected
 
 RAMP = np.arange(36.0)
 
@@ -94,6 +95,31 @@ def test_a_tare_that_would_leave_a_taxel_out_is_refused_while_an_estimator_reads
     assert "bench tare" in view.message
     assert view.left_out == ()
     assert taken[-1].pressures[3] == 40.0
+
+
+def test_a_tare_is_taken_below_a_calibration_that_leaves_taxels_out(source, device, eventually):
+    """As `live` and guided sessions read: the new zero counts, gains and taxels left out stay."""
+    before = Calibration(
+        device="x", port="x", taken="2026-01-01T00:00:00Z", frames=40, tare=[0.0] * 36, noise=[1.0] * 36,
+        gain=[2.0] * 36, dead=[7], loaded=[8],
+    )  # fmt: skip
+    frames, taken, tares = -5 + 0.1 * np.random.default_rng(0).standard_normal((101, 36)), [], []
+    frames[:, 8] += 60
+    with PadReader(
+        Corrected(source, before, "here"), device, "here", on_reading=taken.append, on_tare=tares.append
+    ) as reader:
+        source.feed(frames[0])
+        eventually(lambda: taken)
+        reader.tare()
+        source.feed(*frames[1:], RAMP - 5)
+        eventually(lambda: len(taken) == 102)
+        view = reader.view()
+    assert view.message.startswith("tared")
+    kept = np.delete(np.arange(36), [7, 8])
+    assert taken[0].pressures == pytest.approx(np.full(34, -10), abs=1)
+    assert taken[100].pressures == pytest.approx(np.zeros(34), abs=1)
+    assert taken[101].pressures == pytest.approx(2 * RAMP[kept], abs=0.2)
+    assert (view.left_out, tares[0].gain, tares[0].dead) == ((7, 8), before.gain, (7,))
 
 
 def test_taxels_that_are_left_out_are_named(source, device, eventually):
