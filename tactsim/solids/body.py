@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from tactsim.core.errors import short
 from tactsim.core.scan import is_label
 from tactsim.models.shapes import ENDINGS, read_file
-from tactsim.solids.triangles import crossings
+from tactsim.solids.symmetry import crossings
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

@@ -1,30 +1,294 @@
-"""Objects in space as a kind of run."""
+"""Objects in space as a kind of run: its configuration, the touches of a trial, and what the harness asks of a kind."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from tactsim.bench.config import Flags, Noise, as_paths, merged, nested, whole_number
 from tactsim.bench.kinds import Gathered, Kind, Pages
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.figures import Picture
-from tactsim.bench.trials import OneTrial, Progress, TrialPlan, TrialRules, Trials
+from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, TrialRules, Trials, generator
 from tactsim.core import rigid
+from tactsim.core.checking import checked
+from tactsim.core.documents import parse_toml
 from tactsim.core.errors import InputError, counted
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.estimators import Estimator
-from tactsim.solids.config import SpaceConfig, scan_words, space_config
-from tactsim.solids.options import SpaceOptions
-from tactsim.solids.score import METRICS, SpaceTrials, angle
-from tactsim.solids.solid_scan import SpaceScan
-from tactsim.solids.surface_distance import Surface, load_surfaces, save_surfaces, symmetries_of
-from tactsim.solids.touching import SolidPress, draw_pose_in_space
+from tactsim.solids.scan import SpaceOptions, SpaceScan
+from tactsim.solids.score import (
+    METRICS,
+    SpaceTrials,
+    Surface,
+    angle,
+    load_surfaces,
+    save_surfaces,
+    symmetries_of,
+)
+
+if TYPE_CHECKING:
+    from tactsim.models import Solid
+    from tactsim.solids import Hand, HandPress, SpacePress
+    from tactsim.solids.press import Touched
+
+
+HALF_BOX = 20.0  # mm: the object's origin, and the point that a touch aims at, lie in this box about the robot's origin
+OFFERED = 40  # touches among which an estimator may choose the next
+HANDS = ("gripper",)  # those that come along
+
+
+def draw_pose_in_space(rng: np.random.Generator) -> FloatArray:
+    """Draw robot_in_object (7,): the object's origin even in the box about the robot's, all rotations alike."""
+    place = rng.uniform(-HALF_BOX, HALF_BOX, size=3)
+    return rigid.invert(np.concatenate([place, rigid.random_rotations(1, rng)[0]]))
+
+
+def draw_starts(count: int, outside: float, rng: np.random.Generator) -> FloatArray:
+    """Draw where touches begin, sensor_in_robot (count, 7).
+
+    The direction is even over the sphere, the point aimed at even in the box, the turn about the normal even. The pad
+    starts `outside` mm before the robot's origin, measured along its normal.
+    """
+    rotation = rigid.random_rotations(count, rng)
+    aim = rng.uniform(-HALF_BOX, HALF_BOX, size=(count, 3))
+    normal = rigid.turned(rotation, np.array([0.0, 0.0, 1.0]))
+    back = outside + np.einsum("ij,ij->i", aim, normal)
+    return np.concatenate([aim - back[:, None] * normal, rotation], axis=1)
+
+
+def outside_of(radius: float) -> float:
+    """Say how far from the robot's origin no point of an object of that radius about its origin can be, mm."""
+    return float(np.sqrt(3) * HALF_BOX + radius)
+
+
+def draw_hands(count: int, rng: np.random.Generator) -> FloatArray:
+    """Draw where a hand closes, hand_in_robot (count, 7): its origin even in the box, its rotation even."""
+    place = rng.uniform(-HALF_BOX, HALF_BOX, size=(count, 3))
+    return np.concatenate([place, rigid.random_rotations(count, rng)], axis=1)
+
+
+def load_hand(hand: Path) -> Hand:
+    """Read a hand that comes along, by its name, or a hand file. Raises InputError if it is none."""
+    from tactsim.solids import Hand
+
+    if str(hand) in HANDS:
+        text = (files("tactsim.solids") / "hands" / f"{hand}.toml").read_bytes()
+        return checked(Hand, parse_toml(text, f"hand {hand}"), f"hand {hand}")
+    return Hand.load(hand)
+
+
+@dataclass(frozen=True)
+class SolidPress:
+    """Touch the solids of a scan wherever a trial asks, with one pad, or with the pads of a hand at once.
+
+    hand: see `load_hand`; None: one pad, which comes along its normal.
+    """
+
+    options: SpaceOptions
+    hand: Path | None = None
+
+    def touches(self, truth: str, trial: int, seed: int) -> SolidTouches:
+        """Offer the touches of one trial."""
+        task = OneTrial(truth, trial)
+        return SolidTouches(self, truth, generator(seed, task, 2), generator(seed, task, 3))
+
+    def starts(self, rng: np.random.Generator) -> FloatArray:
+        """Draw where a touch may begin: (OFFERED, 7) sensor_in_robot, or hand_in_robot."""
+        if self.hand is not None:
+            return draw_hands(OFFERED, rng)
+        return draw_starts(OFFERED, outside_of(max(one.radius for one in self._solids)), rng)
+
+    def touch(self, label: str, start: FloatArray, rng: np.random.Generator) -> Touched:
+        """Touch from one start (7,) in the object frame: m touches, one of each pad."""
+        press = self._press
+        return press.sensed(press.touch(label, start[None] if self.hand is None else start, rng), rng)
+
+    @cached_property
+    def _solids(self) -> list[Solid]:
+        from tactsim.solids import solids_of
+
+        return solids_of(self.options)
+
+    @cached_property
+    def _press(self) -> SpacePress | HandPress:
+        """Make what touches. Raises InputError if pads of the hand overlap."""
+        from tactsim.solids import HandPress, SpacePress
+
+        if self.hand is not None:
+            return HandPress(self._solids, load_hand(self.hand), self.options)
+        return SpacePress(self._solids, self.options)
+
+    def __getstate__(self) -> Mapping[str, object]:
+        """Go to another process without what was built."""
+        return {"options": self.options, "hand": self.hand}
+
+
+class SolidTouches:
+    """The touches of a trial: for each, `OFFERED` starts are drawn anew; see `trials.Touches`.
+
+    An estimator that chooses is offered what one that does not is, which takes the first.
+    """
+
+    def __init__(
+        self, press: SolidPress, truth: str, offer: np.random.Generator, disturb: np.random.Generator
+    ) -> None:
+        self._press, self._truth, self._offer, self._disturb = press, truth, offer, disturb
+        self._taken = 0
+
+    def shuffle(self, rng: np.random.Generator) -> None:
+        """Leave them as they are: they are drawn at random."""
+
+    def offer(self, robot_in_object: FloatArray) -> FloatArray:
+        """Draw where the next touch may begin; see `SolidPress.starts`."""
+        self._starts = self._press.starts(self._offer)
+        return self._starts
+
+    def take(self, chosen: int, robot_in_object: FloatArray) -> Touch:
+        """Touch from one of the starts just offered."""
+        start, number = self._starts[chosen], self._taken
+        self._taken += 1
+        rng = np.random.default_rng(self._disturb.integers(2**63))
+        touched = self._press.touch(self._truth, rigid.compose(robot_in_object, start), rng)
+        sensors_in_robot = rigid.compose(rigid.invert(robot_in_object), touched.stated)
+        return Touch(
+            number,
+            touched.readings,
+            sensors_in_robot,
+            {"start": start, "met": int(np.count_nonzero(touched.met))},
+        )
+
+
+def _objects(words: Any) -> Any:
+    """Read names from a text: "bolt,nut", "none", or "20" for the first twenty; names in a list stay as they are."""
+    if not isinstance(words, str):
+        return words
+    if (count := whole_number(words.strip())) is not None:
+        from tactsim.models import solid_names
+
+        return solid_names(count)
+    return () if words.strip() == "none" else tuple(words.replace(",", " ").split())
+
+
+class SpaceWords(BaseModel):
+    """What is touched: the options of `bench scan --task solids`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    task: Literal["solids"] = "solids"
+    objects: Annotated[tuple[str, ...] | None, BeforeValidator(_objects)] = Field(
+        None,
+        description="Which objects: bolt,nut,key, or 30 for the first thirty, or none beside shapes. Default: 12.",
+    )
+    shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flags(("--shape",))] = ()
+    noise: Noise = None
+    scan_set: Annotated[dict[str, Any], BeforeValidator(nested)] = {}
+    seed: int = Field(0, ge=0, lt=2**63)
+
+    @cached_property
+    def scan_options(self) -> SpaceOptions:
+        """Resolve the options of the scan. Raises InputError for the first wrong value."""
+        from tactsim.press import WORLDS
+        from tactsim.solids import SpaceOptions
+
+        values: dict[str, Any] = {"seed": self.seed}
+        if self.noise == "off":
+            values |= {"sensor": WORLDS["ideal"]["sensor"], "placement_mm": 0.0, "placement_rad": 0.0}
+        elif self.noise is not None:
+            values |= {"sensor": {"noise": self.noise}}
+        if self.objects is not None:
+            values["objects"] = self.objects
+        if self.shapes:
+            values["meshes"] = tuple(map(str, self.shapes))
+        return checked(SpaceOptions, merged(values, self.scan_set), "scan")
+
+
+class SpaceConfig(SpaceWords):
+    """One run with objects in space: an estimator, and how it is tried."""
+
+    kind: ClassVar[str] = "solids"
+    estimator: str = "space-refined"
+    set: dict[str, Any] = {}
+    trials: int = Field(200, ge=1, le=1_000_000)
+    touches: int = Field(20, ge=1, le=10_000, description="Touches a trial.")
+    explore: Literal["random", "information"] = "random"
+    hand: Path | None = Field(
+        None, description="Several pads that touch at once, a hand file (.toml). Default: one pad."
+    )
+    scan: Path | None = None
+
+    @model_validator(mode="after")
+    def _one_pad_is_chosen(self) -> SpaceConfig:
+        if self.hand is not None and self.explore == "information":
+            raise ValueError("a hand is not led by information; leave out hand or explore")
+        return self
+
+    @cached_property
+    def scan_options(self) -> SpaceOptions:
+        """Resolve the options of the scan, with the hand's kind of pad. Raises InputError for the first wrong value."""
+        if self.hand is None:
+            return super().scan_options
+        return load_hand(self.hand).options(super().scan_options)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Give the estimator's options."""
+        return self.set
+
+    @property
+    def readings(self) -> int:
+        """Give the number of touches of a trial, under the name that a run in the plane has for it."""
+        return self.touches
+
+    @property
+    def source(self) -> str:
+        """Name the readings: runs with the same source share them."""
+        return json.dumps([self.scan_options.model_dump(mode="json"), str(self.scan)], sort_keys=True)
+
+    @property
+    def digest(self) -> str:
+        """Hash what the run is asked to do."""
+        words = self.model_dump(mode="json", exclude={"objects", "shapes", "noise", "scan_set"})
+        words["scan_options"] = self.scan_options.model_dump(mode="json")
+        return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
+
+
+def check_words(given: Mapping[str, Any], model: type[BaseModel], verb: str) -> None:
+    """Raise InputError for a word that means nothing for objects in space; it names the one to use in its place."""
+    instead = {
+        "letters": "--objects", "readings": "--touches", "pad": "--scan-set pad=FILE", "particles": "--set",
+        "bins": "--set",
+    }  # fmt: skip
+    for name in given:
+        if name not in model.model_fields:
+            use = f"; use {instead[name]}" if name in instead else "; leave it out"
+            raise InputError(f"--{name.replace('_', '-')} is not for {verb} --task solids{use}")
+
+
+def space_config(**words: Any) -> SpaceConfig:
+    """Build a run's configuration. Raises InputError with one line, also for a wrong option of the scan."""
+    check_words(words, SpaceConfig, "run")
+    config = checked(SpaceConfig, words, "run")
+    _ = config.scan_options
+    return config
+
+
+def scan_words(**words: Any) -> SpaceWords:
+    """Build what says how objects are touched. Raises InputError with one line."""
+    check_words(words, SpaceWords, "scan")
+    return checked(SpaceWords, words, "scan")
 
 
 class _Config(AnyConfig):
@@ -64,7 +328,7 @@ class Solids(Kind):
         self, words: Mapping[str, Any], *, jobs: int, cache: bool, progress: Progress
     ) -> tuple[Scan, dict[str, Any]]:
         """Touch the objects that the words say; neither more processes nor a cache would be of use."""
-        from tactsim.solids.scanning import scan_solids  # brings compiled loops
+        from tactsim.solids.press import scan_solids  # brings compiled loops
 
         options = scan_words(**words).scan_options
         return scan_solids(options, progress=lambda done, total: progress("press", done, total))
@@ -76,7 +340,7 @@ class Solids(Kind):
 
         Raises InputError if an object has no training readings.
         """
-        from tactsim.solids.scanning import scan_solids, solids_of
+        from tactsim.solids.press import scan_solids, solids_of
 
         start = perf_counter()
         solids = solids_of(config.scan_options)
@@ -156,7 +420,7 @@ class Solids(Kind):
 
     def plot(self, run: Run, ax: Any = None) -> Picture:
         """Draw accuracy, surface distance and angle. Raises InputError if axes are given."""
-        from tactsim.solids.pictures import touches_figure
+        from tactsim.solids.page import touches_figure
 
         if ax is not None:
             raise InputError("ax is for runs in the plane; a run in space draws three figures of its own")
@@ -164,7 +428,7 @@ class Solids(Kind):
 
     def plot_maps(self, maps: Mapping[str, Any]) -> Picture:
         """Draw learned surfaces from three sides."""
-        from tactsim.solids.pictures import surfaces_figure
+        from tactsim.solids.page import surfaces_figure
 
         return surfaces_figure(maps)
 

@@ -17,10 +17,9 @@ from tactsim.core.rigid import checked_poses
 from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
 from tactsim.estimators.filters.states import Weights
 from tactsim.solids.field import SpaceField, SpaceMapOptions
-from tactsim.solids.moved_particles import MovedParticles, born, evidence, mean_around
-from tactsim.solids.pose_modes import draw, find_modes
+from tactsim.solids.particles import MovedParticles, born, draw, evidence, find_modes, mean_around
 from tactsim.solids.pose_search import PointReader, PoseSearch
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.scan import SpaceScan
 
 STATES = 48  # drawn from the belief for one choice
 _TRAVEL = 1.0  # mm by which a pad's travel may be off what is foreseen

@@ -7,9 +7,8 @@ from tactsim.bench.results import Run
 from tactsim.bench.trials import OneTrial, Touch
 from tactsim.core import rigid
 from tactsim.estimators.estimator import Estimate, PoseSamples
-from tactsim.solids.config import SpaceConfig
-from tactsim.solids.score import SpaceTrials
-from tactsim.solids.surface_distance import Surface
+from tactsim.solids.kind import SpaceConfig
+from tactsim.solids.score import SpaceTrials, Surface
 
 OBJECTS = ("wedge", "block")
 CORNERS = np.array([[0.0, 0, 0], [20, 0, 0], [0, 20, 0], [0, 0, 20]]) - 5

@@ -7,7 +7,7 @@ import pytest
 
 from tactsim import models
 from tactsim.core.errors import InputError
-from tactsim.solids.triangles import crossings
+from tactsim.solids.symmetry import crossings
 
 TWELVE = (
     "bolt", "nut", "key", "mug", "gear", "spool", "bracket", "egg", "cone", "star-knob", "ring", "tetrapod",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
-from tactsim.solids.moved_particles import born
+from tactsim.solids.particles import born
 
 TRUE = np.array([3.0, -2.0, 1.0, *rigid.from_vector([0.3, -0.2, 0.9])])
 SHIFT, TURN = 0.15, 0.02  # mm and rad

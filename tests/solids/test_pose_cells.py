@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core import rigid
-from tactsim.solids.pose_cells import CellSizes, PoseCells, every_cell, thinned, volumes
+from tactsim.solids.pose_search import CellSizes, PoseCells, every_cell, thinned, volumes
 
 SIZES = CellSizes(side=4, voxel=4.0, reach=16.0, box=20.0)
 ANCHOR = np.array([1.0, -2.0, 3.0])

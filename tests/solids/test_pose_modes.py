@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
-from tactsim.solids.moved_particles import evidence
-from tactsim.solids.pose_modes import draw, find_modes, squares_away
+from tactsim.solids.particles import draw, evidence, find_modes, squares_away
 
 BOX = 20.0  # mm
 TRUE = np.stack(

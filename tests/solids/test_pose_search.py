@@ -7,8 +7,7 @@ from numba import njit
 
 from tactsim.core import rigid
 from tactsim.solids import screen_kernels
-from tactsim.solids.pose_steps import advance_about, shortened, solve
-from tactsim.solids.screen_kernels import PadWay, Slack, TouchPoints, screen
+from tactsim.solids.screen_kernels import PadWay, Slack, TouchPoints, advance_about, screen, shortened, solve
 from tactsim.solids.voxels import sparse
 
 BLOCK = toy.Box((15.0, 10.0, 6.0))

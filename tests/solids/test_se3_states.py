@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactsim.core import rigid
-from tactsim.solids.moved_particles import mean_around
+from tactsim.solids.particles import mean_around
 
 PLACES = np.array([[3.0, -2.0, 1.0], [-25.0, 10.0, 4.0]])
 

@@ -6,7 +6,7 @@ import trimesh
 
 from tactsim import models
 from tactsim.core.errors import InputError
-from tactsim.solids.triangles import crossings
+from tactsim.solids.symmetry import crossings
 
 
 def write(path, vertices, faces):

@@ -12,7 +12,7 @@ import pytest
 from tactsim.core.errors import InputError
 from tactsim.core.rigid import random_rotations
 from tactsim.core.scan import Scan
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.scan import SpaceScan
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from tactsim.solids import (
     solids_of,
     touch_grid,
 )
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.scan import SpaceScan
 
 FEW = SpaceOptions(objects=("key", "egg"), points=20, turns=2, tests=5)
 

@@ -12,8 +12,8 @@ from tactsim.bench.experiment import perform
 from tactsim.bench.results import load
 from tactsim.core import InputError
 from tactsim.estimators import registry
-from tactsim.solids.config import space_config
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.kind import space_config
+from tactsim.solids.scan import SpaceScan
 
 SMALL = ["--objects", "nut,egg,key", "--scan-set", "points=16", "--scan-set", "tests=4"]
 RUN = ["run", "--task", "solids", "--estimator", "alike", "--trials", "5", "--touches", "3", *SMALL]

@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import toy_solids as toy
+from space_contract import SPACE_CHECKS, SpaceCase
 from synthetic import make_scan
 
 from tactsim import estimators
 from tactsim.core import InputError, rigid
 from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.solids import pose_search
-from tactsim.solids.contract import SPACE_CHECKS, SpaceCase
-from tactsim.solids.learning import surface_of
+from tactsim.solids.field import surface_of
 from tactsim.solids.pose_search import PointReader
 from tactsim.solids.voxels import sparse
 

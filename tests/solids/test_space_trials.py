@@ -7,8 +7,8 @@ from tactsim.bench.placement import certainty, normalised_error
 from tactsim.core import rigid
 from tactsim.estimators import Estimate, PoseSamples
 from tactsim.solids import SpaceOptions
-from tactsim.solids.surface_distance import Surface
-from tactsim.solids.touching import HALF_BOX, SolidPress, draw_pose_in_space, draw_starts, outside_of
+from tactsim.solids.kind import HALF_BOX, SolidPress, draw_pose_in_space, draw_starts, outside_of
+from tactsim.solids.score import Surface
 
 
 def test_touches_start_before_anything_that_the_object_can_be_and_aim_into_the_box():

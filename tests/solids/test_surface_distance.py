@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core import rigid
-from tactsim.solids.surface_distance import Surface, surface_distance, turn_between
+from tactsim.solids.score import Surface, surface_distance, turn_between
 
 IDENTITY = np.array([[1.0, 0, 0, 0]])
 HALF_TURNS = np.eye(4)  # of a box: the identity and half a turn about each axis

@@ -7,8 +7,7 @@ from toy_solids import distances
 
 from tactsim.core import rigid
 from tactsim.solids.feeling_kernels import feel_all
-from tactsim.solids.fusion_kernels import INSIDE, OUTSIDE, UNKNOWN, redistance, settle
-from tactsim.solids.voxels import first_hit, sparse
+from tactsim.solids.voxels import INSIDE, OUTSIDE, UNKNOWN, first_hit, redistance, settle, sparse
 
 RADIUS, CELL = 12.0, 0.8
 

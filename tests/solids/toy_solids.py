@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from tactsim.core import Pad, rigid
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.scan import SpaceScan
 from tactsim.solids.voxels import distance_at
 
 STIFFNESS, THICKNESS, FORCE, BLUR, STROKE = 50.0, 3.0, 2.0, 1.0, 60.0  # kPa/mm, mm, N, mm, mm

@@ -12,7 +12,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.contract import checks
 from tactsim.estimators.contract.checks import Case
 from tactsim.estimators.estimator import Estimator
-from tactsim.solids.solid_scan import SpaceScan
+from tactsim.solids.scan import SpaceScan
 
 
 class SpaceCase(Case):
