@@ -30,7 +30,6 @@ from tactsim.bench.stress.likelihood_cases import (
     straight_readings,
 )
 from tactsim.core import compose
-from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimator
 from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.registry import load
@@ -321,37 +320,6 @@ def trained_on_faults(worst: Worst) -> None:
         broken = replace(scan, readings=faulty)
         for name, budget in every_estimator(budget=200, learning=True):
             see_sound(worst, fitted(name, broken, **budget), readings, poses, f"{name}, {what}")
-
-
-@case(
-    "filters.refused-readings",
-    varied="NaN, infinity, 1e10 kPa, wrong lengths, in reading and pose, for every estimator",
-    deviation="taken, or the belief changed by the refusal",
-    limit=0,
-    because="what is refused leaves no trace",
-)
-def refused_readings(worst: Worst) -> None:
-    """Offer invalid readings between two valid ones."""
-    scan = few(pressed("AEI"), 5)
-    readings, poses, _ = hidden(scan, "E", 2)
-    good, pose = readings[0], poses[0]
-    bad: list[tuple[FloatArray, FloatArray]] = []
-    for value in (math.nan, math.inf, -math.inf, 1e10):
-        bad.append((np.where(np.arange(36) == 35, value, good), pose))
-        bad += [(good, np.where(np.arange(3) == axis, value, pose)) for axis in range(3)]
-    bad += [(good[:-1], pose), (np.append(good, 0), pose), (good, pose[:2]), (good[None], pose)]
-    for name, budget in every_estimator():
-        answers = []
-        estimator = fitted(name, scan, **budget)
-        for offered in ([], bad):
-            estimator.reset(np.random.default_rng(0))
-            estimator.update(good, pose)
-            for reading, where in offered:
-                worst.holds(refused(estimator.update, reading, where), f"{name} takes {reading[-1]}, {where}")
-            estimator.update(readings[1], poses[1])
-            answers.append(estimator.estimate())
-        same = answers[0].robot_in_object.tolist() == answers[1].robot_in_object.tolist()
-        worst.holds(same and answers[0].probabilities == answers[1].probabilities, f"{name} was changed")
 
 
 @case(

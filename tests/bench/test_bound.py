@@ -113,6 +113,7 @@ def test_slopes_of_a_press_are_those_of_its_readings():
     assert not answer.unknown.any()
 
 
+@pytest.mark.long
 def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_the_bound_says():
     run = tactsim.run(letters="AE", trials=3, readings=20, world="level", estimator="nearest")
     bounds = scan_bounds(run.plan.scan, run.trials)

@@ -30,6 +30,7 @@ def halves(scan):
     return {split: scan.where(split) for split in ("train", "test")}
 
 
+@pytest.mark.long
 def test_parquet_is_read_by_pyarrow_polars_and_duckdb(scan, tmp_path):
     import duckdb
     import polars

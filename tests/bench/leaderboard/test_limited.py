@@ -38,6 +38,7 @@ def test_a_method_that_hangs_is_ended(plugged):
         apart("hang", Limits(trial_s=0.5))
 
 
+@pytest.mark.long
 def test_a_method_may_print(plugged, capfd):
     assert len(apart("print").trials.truth) == 4
     assert capfd.readouterr() == ("", "")

@@ -180,6 +180,7 @@ def test_who_has_prepared_for_the_task_is_found_out_on_a_fresh_seed(bundle_of, h
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "said"),
     [

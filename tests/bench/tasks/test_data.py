@@ -26,7 +26,7 @@ scored = ["accuracy@1"]
 letters = "IO"
 """
 PRESSED_FOR_SECONDS = {"glyphs36-v1", "glyphs36-by-hand-v1"}
-LONG = {"active-v1", "letters10-faulty-v1", "open-set-v1"}
+LONG = {"active-v1", "letters10-faulty-v1", "open-set-v1", "worn-pad-v1"}
 PRESSED = [name for name in names() if "scan" not in task(name).words]
 KEPT = cache_folder()  # where `bench data get` keeps the recordings of who runs the tests
 CHANGED = (
@@ -78,6 +78,7 @@ def small(tmp_path):
     return write
 
 
+@pytest.mark.long
 def test_the_hash_depends_on_what_is_asked_and_not_on_names_or_the_cache(small):
     base = data.hash_data(small(), 0)
     assert data.hash_data(small('"Two letters."', '"Two others."'), 0) == base
