@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, Reals3D, Reals4D, compiled
+from tactsim.core.compiling import Bools1D, Ints1D, Reals1D, Reals2D, Reals3D, Reals4D, compiled
 from tactsim.core.forward import ForwardModel, Linearised
 from tactsim.core.poses import FloatArray
 
@@ -287,7 +287,7 @@ def solve_modes(
 
 # How often a press is predicted anew, if in place, tilt or load it is off by so many standard deviations more than was
 # taken; and at most by so many.
-_PRESSES, _OFF, _FARTHEST = 2, 0.7, 3.0
+_PRESSES, _OFF, FARTHEST = 2, 0.7, 3.0
 
 # Predicts the readings of the states `which` (m,), all of the letter of this number.
 Predict = Callable[[int, NDArray[np.intp]], Linearised]
@@ -299,8 +299,11 @@ def pressed(
     sensor_in_object: FloatArray,
     readings: FloatArray,
     number: NDArray[np.int64],
+    failing: float,
 ) -> Predict:
     """Predict readings `number` (n,) of (r, taxels) kPa by presses at sensor_in_object (n, 3).
+
+    failing: the probability that a taxel reads anything.
 
     A press is predicted as it most probably was: its place, tilt and load are searched for with the pose held
     (Laplace's approximation, by Gauss and Newton).
@@ -311,23 +314,15 @@ def pressed(
         found = forward.linearised(label, poses)
         off = np.zeros(found.nuisance.shape[:2])
         for _ in range(_PRESSES):
-            likely = likeliest_press(felt, found, forward.noise)
+            likely = likeliest_press(felt, found.mean, found.nuisance, forward.noise, failing)
             again = np.flatnonzero(np.abs(likely - off).max(axis=1, initial=0) > _OFF)
             if not len(again):
                 break
-            off[again] = likely[again].clip(-_FARTHEST, _FARTHEST)
+            off[again] = likely[again].clip(-FARTHEST, FARTHEST)
             found = found.with_rows(again, forward.linearised(label, poses[again], off[again]), off[again])
         return found
 
     return predict
-
-
-def likeliest_press(readings: FloatArray, found: Linearised, noise: float) -> FloatArray:
-    """Find by how many standard deviations n presses most probably were off, (n, q), to first order."""
-    q = found.nuisance.shape[1]
-    inner = noise**2 * np.eye(q) + found.nuisance @ found.nuisance.swapaxes(1, 2)
-    seen = found.nuisance @ (readings - found.mean)[..., None]
-    return np.asarray(np.linalg.solve(inner, seen)[..., 0], dtype=float)
 
 
 def expand(
@@ -338,11 +333,13 @@ def expand(
     number: NDArray[np.int64],
     predict: Predict,
     noise: float,
+    failing: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Expand readings at states T_R^O (n, 3): log p (n,), its gradient (n, 3) and its information (n, 3, 3).
 
     letter: (n,) numbers. sensor_in_robot: (n, 3), where they were taken. readings: (r, taxels) kPa, of which `number`
-    (n,) says the one for each state. noise: kPa, standard deviation of a taxel.
+    (n,) says the one for each state. noise: kPa, standard deviation of a taxel. failing: the probability that a taxel
+    reads anything.
     """
     n = len(letter)
     log_p = np.empty(n)
@@ -350,8 +347,8 @@ def expand(
     for one in np.unique(letter).tolist():
         which = np.flatnonzero(letter == one)
         found = predict(one, which)
-        log_p[which], gradient[which], information[which] = log_gaussian(
-            readings, number[which], found.mean, found.by_pose, found.nuisance, noise
+        log_p[which], gradient[which], information[which] = expand_all(
+            readings, number[which], found.mean, found.by_pose, found.nuisance, noise, failing
         )
     motion = sensor_motion(state, sensor_in_robot)
     return (
@@ -361,75 +358,165 @@ def expand(
     )
 
 
+_SETTLING = 8  # how often it is asked, at most, which taxels fail
+_FAR = 1.5  # standard deviations of what is left: a taxel that is farther off may fail
+
+
+@compiled(called_from_python=False)
+def fit_press(
+    z: Reals1D, mean: Reals2D, rows: Reals2D, n: int, noise: float, inside: Bools1D,
+    factor: Reals2D, off: Reals1D, left: Reals1D,
+) -> float:  # fmt: skip
+    """Find how press n most probably was off in some ways, from the taxels inside; returns half the log-determinant.
+
+    mean: (., taxels). rows: (q, taxels) kPa, of one standard deviation in each way. factor: (q, q) becomes Cholesky's
+    factor of 1 + rows rows.T / noise^2, over the taxels inside. off: (q,) standard deviations. left: (taxels,) what is
+    left of the reading, over the noise.
+    """
+    taxels, q = len(z), len(rows)
+    log_det = 0.0
+    for a in range(q):
+        off[a] = 0.0
+        for t in range(taxels):
+            if inside[t]:
+                off[a] += rows[a, t] * (z[t] - mean[n, t]) / noise**2
+        for b in range(a + 1):
+            total = 1.0 if a == b else 0.0
+            for t in range(taxels):
+                if inside[t]:
+                    total += rows[a, t] * rows[b, t] / noise**2
+            for k in range(b):
+                total -= factor[a, k] * factor[b, k]
+            factor[a, b] = math.sqrt(total) if a == b else total / factor[b, b]
+        log_det += math.log(factor[a, a])
+        for k in range(a):
+            off[a] -= factor[a, k] * off[k]
+        off[a] /= factor[a, a]
+    for a in range(q - 1, -1, -1):
+        for k in range(a + 1, q):
+            off[a] -= factor[k, a] * off[k]
+        off[a] /= factor[a, a]
+    for t in range(taxels):
+        total = z[t] - mean[n, t]
+        for a in range(q):
+            total -= off[a] * rows[a, t]
+        left[t] = total / noise
+    return log_det
+
+
+@compiled(called_from_python=False)
+def find_failing(
+    z: Reals1D, mean: Reals2D, nuisance: Reals2D, n: int, noise: float, failing: float,
+    factor: Reals2D, off: Reals1D, left: Reals1D, inside: Bools1D,
+) -> None:  # fmt: skip
+    """Find which taxels of press n do not fail, inside (taxels,), by iterated least squares.
+
+    One fails that is farther off than a reading of anything is less probable. At first those are taken that are as
+    predicted, at a factor of 1, the last nuisance; if they are less than half, all, and the limit is wide.
+    """
+    inside[:] = True
+    if failing == 0:
+        return
+    taxels = len(z)
+    span = z.max() - z.min() + 4 * noise
+    limit = 2 * max(math.log((1 - failing) / failing * span / (noise * math.sqrt(2 * math.pi))), 0.0)
+    count = 0
+    for t in range(taxels):
+        variance = noise**2
+        for a in range(len(nuisance) - 1):
+            variance += nuisance[a, t] ** 2
+        inside[t] = (z[t] - mean[n, t]) ** 2 <= limit * variance
+        count += inside[t]
+    if 2 * count < taxels:
+        inside[:] = True
+    for _ in range(_SETTLING):
+        fit_press(z, mean, nuisance, n, noise, inside, factor, off, left)
+        squares, count = 0.0, 0
+        for t in range(taxels):
+            if inside[t]:
+                squares += left[t] ** 2
+                count += 1
+        now = max(limit, _FAR**2 * squares / max(count, 1))
+        same = True
+        for t in range(taxels):
+            if inside[t] != (left[t] ** 2 <= now):
+                same = False
+                inside[t] = not inside[t]
+        if same:
+            return
+
+
 @compiled()
-def log_gaussian(
-    reading: Reals2D, which: Ints1D, mean: Reals2D, by_pose: Reals3D, nuisance: Reals3D, noise: float
-) -> tuple[Reals1D, Reals2D, Reals3D]:
+def likeliest_press(
+    reading: Reals2D, mean: Reals2D, nuisance: Reals3D, noise: float, failing: float
+) -> Reals2D:
+    """Find by how many standard deviations n presses most probably were off, (n, q), to first order.
+
+    reading: (n, taxels) kPa. mean, nuisance: as in `Linearised`. noise, failing: as in `expand_all`.
+    """
+    taxels, q = mean.shape[1], nuisance.shape[1]
+    off, left = np.empty((len(mean), q)), np.empty(taxels)
+    factor, inside = np.empty((q, q)), np.empty(taxels, dtype=np.bool_)
+    for n in range(len(mean)):
+        find_failing(reading[n], mean, nuisance[n], n, noise, failing, factor, off[n], left, inside)
+        fit_press(reading[n], mean, nuisance[n], n, noise, inside, factor, off[n], left)
+    return off
+
+
+@compiled()
+def expand_all(
+    reading: Reals2D, which: Ints1D, mean: Reals2D, by_pose: Reals3D, nuisance: Reals3D,
+    noise: float, failing: float,
+) -> tuple[Reals1D, Reals2D, Reals3D]:  # fmt: skip
     """Expand log N(z; mean, noise^2 1 + nuisance.T nuisance) in the pose, to second order, for n predictions.
 
     reading: (m, taxels) kPa, of which prediction i is compared with number which[i]. mean: (n, taxels), by_pose:
-    (n, 3, taxels), nuisance: (n, q, taxels), as in `Linearised`. The inverse of the covariance follows from a
-    matrix q by q (Woodbury 1950), and what changes it with the pose is left out (Gauss and Newton).
+    (n, 3, taxels), nuisance: (n, q, taxels), as in `Linearised`. failing: the probability that a taxel reads anything
+    in the range of the press's readings; those that most probably do are left out. The inverse of the covariance
+    follows from a matrix q by q (Woodbury 1950), and what changes it with the pose is left out (Gauss and Newton).
     Returns log p (n,) at the pose, its gradient (n, 3) and its information (n, 3, 3).
     """
     log_p, gradient = np.empty(len(mean)), np.empty((len(mean), 3))
     information = np.empty((len(mean), 3, 3))
     taxels, q = mean.shape[1], nuisance.shape[1]
-    away, mixed = np.empty(taxels), np.empty((4, q))  # nuisance times the three derivatives and the residual
-    factor = np.empty((q, q))
-    constant = -0.5 * taxels * math.log(2 * math.pi * noise * noise)
+    mixed = np.empty((3, q))  # nuisance times the three derivatives
+    factor, off, left, inside = (
+        np.empty((q, q)),
+        np.empty(q),
+        np.empty(taxels),
+        np.empty(taxels, dtype=np.bool_),
+    )
+    constant = math.log(1 - failing) - 0.5 * math.log(2 * math.pi * noise * noise)
     for n in range(len(mean)):
         z = reading[which[n]]
-        for t in range(taxels):
-            away[t] = (z[t] - mean[n, t]) / noise
+        find_failing(z, mean, nuisance[n], n, noise, failing, factor, off, left, inside)
+        value = -fit_press(z, mean, nuisance[n], n, noise, inside, factor, off, left)
         for a in range(q):
-            for b in range(a + 1):
-                total = 0.0
-                for t in range(taxels):
-                    total += nuisance[n, a, t] * nuisance[n, b, t]
-                factor[a, b] = total / noise**2
-            factor[a, a] += 1.0
+            value -= off[a] ** 2 / 2
             for i in range(3):
                 total = 0.0
                 for t in range(taxels):
-                    total += nuisance[n, a, t] * by_pose[n, i, t]
-                mixed[i, a] = total / noise**2
-            total = 0.0
-            for t in range(taxels):
-                total += nuisance[n, a, t] * away[t]
-            mixed[3, a] = total / noise
-        # Cholesky's factor of 1 + nuisance nuisance.T / noise^2, and the mixed products divided by it.
-        log_det = 0.0
-        for a in range(q):
-            for b in range(a + 1):
-                total = factor[a, b]
-                for k in range(b):
-                    total -= factor[a, k] * factor[b, k]
-                factor[a, b] = math.sqrt(total) if a == b else total / factor[b, b]
-            log_det += math.log(factor[a, a])
-            for i in range(4):
-                total = mixed[i, a]
+                    if inside[t]:
+                        total += nuisance[n, a, t] * by_pose[n, i, t]
+                total /= noise**2
                 for k in range(a):
                     total -= factor[a, k] * mixed[i, k]
                 mixed[i, a] = total / factor[a, a]
-        distance = 0.0
+        failed = 0.0 if failing == 0 else math.log(failing / (z.max() - z.min() + 4 * noise))
         for t in range(taxels):
-            distance += away[t] * away[t]
-        for a in range(q):
-            distance -= mixed[3, a] ** 2
-        log_p[n] = constant - log_det - distance / 2
+            value += constant - left[t] ** 2 / 2 if inside[t] else failed
+        log_p[n] = value
         for i in range(3):
             total = 0.0
             for t in range(taxels):
-                total += by_pose[n, i, t] * away[t]
-            total /= noise
-            for a in range(q):
-                total -= mixed[i, a] * mixed[3, a]
-            gradient[n, i] = total
+                if inside[t]:
+                    total += by_pose[n, i, t] * left[t]
+            gradient[n, i] = total / noise
             for j in range(i + 1):
                 total = 0.0
                 for t in range(taxels):
-                    total += by_pose[n, i, t] * by_pose[n, j, t]
+                    if inside[t]:
+                        total += by_pose[n, i, t] * by_pose[n, j, t]
                 total /= noise**2
                 for a in range(q):
                     total -= mixed[i, a] * mixed[j, a]

@@ -11,23 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import Bools1D, Floats2D, Ints1D, Reals1D, Reals2D, compiled
-from tactsim.core.forward import ForwardModel, Linearised
+from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.synthesis.learned_pad import LearnedPad
 
 _PIECE = 4096  # poses that are pressed at a time
+_SURE = 4.0  # twice the logarithm of the range of a press's readings over what a cell's predictions are off by, roughly
+_FORCES = 2.0  # standard deviations: so far a touch's factor is searched for
 
 
 class Places(NamedTuple):
     """Where a reading may have been taken: n entries of a bank.
 
     entry: (n,) number in the bank. turned: (n,) whether the pad is turned by half a turn from there. state: (n, 3)
-    T_R^O. score: (n,) rough log-likelihood.
+    T_R^O. score: (n,) rough log-likelihood. factor: (n,) of the touch, by which the entry is multiplied.
     """
 
     entry: NDArray[np.int64]
     turned: NDArray[np.bool_]
     state: FloatArray
     score: FloatArray
+    factor: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +43,9 @@ class PoseBank:
     kPa^2, what a taxel is off by anywhere in a grid cell, on average. spacing: mm, mm, rad. turns: by how many turns
     of the pad on itself each pose stands for further ones. copies: of how many poses that are alike, because the letter
     is symmetric, one is there; the angles cover a circle divided by both. index: (side, side) the place of each point
-    of the square grid among xy, -1 where nothing touches.
+    of the square grid among xy, -1 where nothing touches. force: standard deviation of the logarithm of a touch's
+    factor, the last nuisance, which is not part of `variance`. cap: what a taxel costs at most, in standard deviations
+    squared, since it may have failed.
     """
 
     xy: FloatArray
@@ -52,9 +58,11 @@ class PoseBank:
     turns: int
     copies: int
     index: NDArray[np.int64]
+    force: float
+    cap: float
 
     @classmethod
-    def pressed(cls, forward: ForwardModel, letter: str, spacing_mm: float, angles: int) -> PoseBank:
+    def pressed(cls, forward: LearnedPad, letter: str, spacing_mm: float, angles: int) -> PoseBank:
         """Press a letter at all poses of a grid where it may touch; `angles` to half a turn."""
         reach = forward.reach[letter]
         half = math.ceil(reach / spacing_mm)
@@ -81,11 +89,13 @@ class PoseBank:
             np.concatenate([piece.mean for piece in pieces], dtype=np.float32),
             np.concatenate([_half_precision(piece.by_pose) for piece in pieces]),
             np.concatenate([_half_precision(piece.nuisance) for piece in pieces]),
-            np.concatenate([_spread(piece, spacing, forward.noise) for piece in pieces]),
+            np.concatenate([_spread(piece, spacing, forward) for piece in pieces]),
             spacing,
             turns,
             copies,
             index,
+            forward.force,
+            _SURE + 2 * math.log((1 - forward.failing) / forward.failing) if forward.failing else math.inf,
         )
 
     def places(self, reading: FloatArray, sensor_in_robot: FloatArray, reach: float) -> Places:
@@ -95,19 +105,23 @@ class PoseBank:
         """
         both = np.stack([reading, reading[::-1]][: self.turns]).astype(np.float32)
         scored = score_places(
-            self.mean, 1 / self.variance, -self._log_det, self.xy, self.angle, both, sensor_in_robot, reach
-        )
+            self.mean, 1 / self.variance, -self._log_det, self.xy, self.angle, both, sensor_in_robot, reach,
+            self.force, self.cap,
+        )  # fmt: skip
         return Places(*scored)
 
-    def predicted(self, entry: NDArray[np.int64], turned: NDArray[np.bool_]) -> Linearised:
-        """Give the predictions (n, ...) of entries, the pad turned or not."""
+    def predicted(
+        self, entry: NDArray[np.int64], turned: NDArray[np.bool_], factor: FloatArray
+    ) -> Linearised:
+        """Give the predictions (n, ...) of entries, the pad turned or not, times the touches' factors."""
         sign = np.where(turned[:, None, None], -1.0, 1.0)
         mean = self.mean[entry].astype(float)
         by_pose, nuisance = self.by_pose[entry].astype(float), self.nuisance[entry].astype(float)
         by_pose[:, :2] *= sign  # a turned pad moves the other way
         for values in (mean, by_pose, nuisance):
             values[turned] = values[turned][..., ::-1]
-        return Linearised(mean, by_pose, nuisance)
+        by = factor[:, None, None]
+        return Linearised(mean * factor[:, None], by_pose * by, nuisance * by)
 
     def log_p_at(self, reading: FloatArray, poses: FloatArray) -> FloatArray:
         """Score a reading at the grid poses nearest to (n, 3) sensor_in_object, beside the letter too."""
@@ -127,11 +141,17 @@ class PoseBank:
         touches = np.flatnonzero(grid_point >= 0)
         entry = angle[touches] * len(self.xy) + grid_point[touches]
         turned = (turn[touches] % self.turns == 1)[:, None]
-        away = np.where(turned, reading[::-1], reading) - self.mean[entry]
+        felt, mean = np.where(turned, reading[::-1], reading), self.mean[entry]
+        factor, cost = np.ones(len(entry)), np.zeros(len(entry))
+        if self.force > 0:
+            seen = np.einsum("nt,nt->n", felt, mean) / np.einsum("nt,nt->n", mean, mean).clip(min=1e-9)
+            logs = np.log(seen.clip(min=1e-9)).clip(-_FORCES * self.force, _FORCES * self.force)
+            factor, cost = np.exp(logs), (logs / self.force) ** 2 / 2
+        squares = (felt - factor[:, None] * mean) ** 2 / self.variance[entry][:, None]
         least = float(self.variance.min())  # where nothing touches there is noise alone
-        beside = -0.5 * (reading**2).sum() / least - 0.5 * len(reading) * math.log(least)
+        beside = -0.5 * np.minimum(reading**2 / least, self.cap).sum() - 0.5 * len(reading) * math.log(least)
         result = np.full(len(poses), beside)
-        result[touches] = -0.5 * (away**2).sum(axis=1) / self.variance[entry] - self._log_det[entry]
+        result[touches] = -0.5 * np.minimum(squares, self.cap).sum(axis=1) - cost - self._log_det[entry]
         return result
 
     @cached_property
@@ -144,21 +164,23 @@ def _half_precision(values: FloatArray) -> NDArray[np.float16]:
     return values.clip(-largest, largest).astype(np.float16)
 
 
-def _spread(predicted: Linearised, spacing: FloatArray, noise: float) -> FloatArray:
-    """Average the variance of a taxel, kPa^2, over a grid cell (n,)."""
+def _spread(predicted: Linearised, spacing: FloatArray, pad: LearnedPad) -> FloatArray:
+    """Average the variance of a taxel, kPa^2, over a grid cell (n,), at the touch's own factor."""
     spread = np.einsum("nit,nit,i->n", predicted.by_pose, predicted.by_pose, spacing**2 / 12)
-    spread += np.einsum("nqt,nqt->n", predicted.nuisance, predicted.nuisance)
-    return noise**2 + spread / predicted.mean.shape[1]
+    nuisance = predicted.nuisance[:, :-1] if pad.force else predicted.nuisance
+    spread += np.einsum("nqt,nqt->n", nuisance, nuisance)
+    return pad.noise**2 + spread / predicted.mean.shape[1]
 
 
 @compiled()
 def score_places(
     mean: Floats2D, precision: Reals1D, log_height: Reals1D, xy: Reals2D, angle: Reals1D,
-    reading: Floats2D, sensor_in_robot: Reals1D, reach: float,
-) -> tuple[Ints1D, Bools1D, Reals2D, Reals1D]:  # fmt: skip
+    reading: Floats2D, sensor_in_robot: Reals1D, reach: float, force: float, cap: float,
+) -> tuple[Ints1D, Bools1D, Reals2D, Reals1D, Reals1D]:  # fmt: skip
     """Score the poses of a bank at which T_R^O has x and y within `reach` mm, as `Places`.
 
-    The density of a reading at each pose is normal, its errors independent and alike over the taxels. mean: (m * k,
+    The density of a reading at each pose is normal, its errors independent and alike over the taxels; force, cap: as in
+    `PoseBank`, the factor being what explains the reading best. mean: (m * k,
     taxels) kPa. precision: (m * k,) 1 / variance. log_height: (m * k,) the log-density at the mean, less a constant.
     xy: (k, 2) mm, angle: (m,) rad, as in `PoseBank`. reading: (turns, taxels) kPa, as it is and as a pad turned on
     itself reads it.
@@ -167,7 +189,7 @@ def score_places(
     turns = len(reading)
     room = turns * len(mean)
     entry, turned = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.bool_)
-    state, score = np.empty((room, 3)), np.empty(room)
+    state, score, factor = np.empty((room, 3)), np.empty(room), np.empty(room)
     for t in range(turns):
         z = reading[t]
         for a in range(len(angle)):
@@ -180,12 +202,22 @@ def score_places(
                 if abs(state_x) > reach or abs(state_y) > reach:
                     continue
                 i = a * len(xy) + k
-                away = np.float32(0)
+                by, cost = np.float32(1), 0.0
+                if force > 0:
+                    seen, own = np.float32(0), np.float32(1e-9)
+                    for s in range(taxels):
+                        seen += z[s] * mean[i, s]
+                        own += mean[i, s] * mean[i, s]
+                    log = math.log(max(float(seen / own), 1e-9))
+                    log = min(max(log, -_FORCES * force), _FORCES * force)
+                    by, cost = np.float32(math.exp(log)), (log / force) ** 2 / 2
+                away, most = np.float32(0), np.float32(cap / precision[i])
                 for s in range(taxels):
-                    apart = z[s] - mean[i, s]
-                    away += apart * apart
+                    apart = z[s] - by * mean[i, s]
+                    away += min(apart * apart, most)
                 entry[count], turned[count] = i, t > 0
                 state[count, 0], state[count, 1], state[count, 2] = state_x, state_y, theta
-                score[count] = log_height[i] - 0.5 * precision[i] * away
+                score[count] = log_height[i] - 0.5 * precision[i] * away - cost
+                factor[count] = by
                 count += 1
-    return entry[:count], turned[:count], state[:count], score[:count]
+    return entry[:count], turned[:count], state[:count], score[:count], factor[:count]

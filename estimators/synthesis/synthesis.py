@@ -27,6 +27,7 @@ from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, Weights, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.options import REACH, Reach, reach_of
+from tactsim.estimators.synthesis.learned_pad import LearnedPad
 from tactsim.estimators.synthesis.modes import GYRATION, Modes, expand, pressed
 from tactsim.estimators.synthesis.pose_bank import PoseBank
 
@@ -71,6 +72,9 @@ class SynthesisOptions(Options):
 class Synthesis(Estimator):
     """Follow the modes of the belief with predictions of a forward model, by Gauss and Newton's method.
 
+    What the model is not told of the pad is learned from the training presses (`LearnedPad`), and how hard each touch
+    is, is no matter.
+
     The first reading with contact is compared with a bank of readings that were pressed beforehand, and the `modes`
     best places begin as Gaussians of a grid cell's size. Every reading is expanded about each mode's mean, what a
     press is off by marginalised, and expanded again where the mean moves.
@@ -107,11 +111,10 @@ class Synthesis(Estimator):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels = train.letters
-        forward = self.forward
-        self.noise = forward.noise
+        self.pad = pad = LearnedPad.learned(self.forward, train)
+        self.noise = pad.noise
         self.banks = [
-            PoseBank.pressed(forward, label, self.options.spacing, self.options.angles)
-            for label in self.labels
+            PoseBank.pressed(pad, label, self.options.spacing, self.options.angles) for label in self.labels
         ]
         self._typical = float(
             np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
@@ -199,15 +202,16 @@ class Synthesis(Estimator):
         """
         places = [bank.places(self._readings[first], self._poses[first], self._reach) for bank in self.banks]
         letter = np.repeat(np.arange(len(places)), [len(one.score) for one in places])
-        entry, turned, state, score = (np.concatenate(column) for column in zip(*places, strict=True))
+        entry, turned, state, score, factor = (np.concatenate(column) for column in zip(*places, strict=True))
         if not len(score):
             return None
         copies = np.log([bank.copies for bank in self.banks])[letter]
         best = _highest(score + copies, _CANDIDATES * self.options.modes)
-        letter, entry, turned, state = letter[best], entry[best], turned[best], state[best]
+        letter, entry, turned = letter[best], entry[best], turned[best]
+        state, factor = state[best], factor[best]
 
         def from_bank(one: int, which: NDArray[np.intp]) -> Linearised:
-            return self.banks[one].predicted(entry[which], turned[which])
+            return self.banks[one].predicted(entry[which], turned[which], factor[which])
 
         modes = Modes.begun(letter, state, np.diag((_CELL * self.banks[0].spacing) ** 2), copies[best])
         readings, which = np.array(self._readings), np.full(len(letter), first)
@@ -220,6 +224,7 @@ class Synthesis(Estimator):
             which,
             from_bank,
             max(_ROUGH * self.noise, _ROUGH_LEAST * self._typical),
+            self.pad.failing,
         )
         self._compared += len(letter)
         modes = modes.with_reading(first, state, *expanded)
@@ -264,9 +269,10 @@ class Synthesis(Estimator):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Expand readings `number` (n,) at states (n, 3) with presses there, as `expand`."""
         readings, poses = np.array(self._readings), np.array(self._poses)[number]
-        presses = pressed(self.forward, self.labels, compose(state, poses), readings, number)
+        failing = self.pad.failing
+        presses = pressed(self.pad, self.labels, compose(state, poses), readings, number, failing)
         self._compared += len(letter)
-        return expand(letter, state, poses, readings, number, presses, self.noise)
+        return expand(letter, state, poses, readings, number, presses, self.noise, failing)
 
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""

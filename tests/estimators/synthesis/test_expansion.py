@@ -11,9 +11,8 @@ def test_the_likeliest_press_is_the_ridge_regression():
     rng = np.random.default_rng(7)
     found = Linearised(rng.normal(size=(3, 8)), np.zeros((3, 3, 8)), rng.normal(size=(3, 2, 8)))
     readings = rng.normal(size=(3, 8))
-    for reading, mean, slopes, off in zip(
-        readings, found.mean, found.nuisance, likeliest_press(readings, found, 0.5), strict=True
-    ):
+    likely = likeliest_press(readings, found.mean, found.nuisance, 0.5, 0.0)
+    for reading, mean, slopes, off in zip(readings, found.mean, found.nuisance, likely, strict=True):
         rows = np.vstack([slopes.T / 0.5, np.eye(2)])
         target = np.concatenate([(reading - mean) / 0.5, np.zeros(2)])
         np.testing.assert_allclose(off, np.linalg.lstsq(rows, target)[0], rtol=1e-9)

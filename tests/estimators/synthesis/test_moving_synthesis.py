@@ -59,10 +59,10 @@ def test_states_are_weighed_by_the_whole_covariance_of_a_press():
     estimator = fitted("auto")
     readings, poses, true = sequence(3, Slip())
     follow(estimator, readings, poses)
-    states = true[2] + np.array([[0.0, 0, 0], [0.3, -0.2, 0.02]])
-    at = estimator.forward.linearised("E", compose(states, poses[2]))
+    states = true[2] + np.array([[0.0, 0, 0], [0.1, -0.1, 0.01]])
+    at = estimator.pad.linearised("E", compose(states, poses[2]))
     expected = [
-        multivariate_normal(mean, 4 * np.eye(36) + nuisance.T @ nuisance).logpdf(readings[2])
+        multivariate_normal(mean, estimator.noise**2 * np.eye(36) + nuisance.T @ nuisance).logpdf(readings[2])
         for mean, nuisance in zip(at.mean, at.nuisance, strict=True)
     ]
     np.testing.assert_allclose(estimator.log_p(0, states.T, 2), expected, rtol=1e-9)
