@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
-from tactsim.bench.config import flags_of
+from tactsim.bench.config import flags_of, flat
 from tactsim.bench.intervals import FEWEST_PAIRS, paired_interval
 from tactsim.bench.results import Run
 from tactsim.bench.score import settled_by
@@ -24,8 +23,8 @@ LEVEL = 0.975  # of each of the two gated intervals, so that both hold together 
 class Difference:
     """One compared figure: both values, new minus base with its interval, and what that means.
 
-    verdict: "worse", "better", "same" (the interval holds 0) or "too few" (pairs to decide by) for a gated figure, ""
-    for one that is only reported. p: exact McNemar test, where there is one.
+    verdict: "worse", "better", "not told apart" (the interval holds 0) or "too few" (pairs to decide by) for a gated
+    figure, "" for one that is only reported. p: exact McNemar test, where there is one.
     """
 
     name: str
@@ -91,21 +90,30 @@ def paired(
     """Compare a figure trial by trial, (n,) each; good: +1 if more is better, -1 if less is."""
     low, high = paired_interval(new - base, rng, level)
     worse, better = (high < 0, low > 0) if good > 0 else (low > 0, high < 0)
-    verdict = "worse" if worse else "better" if better else "same" if len(base) >= FEWEST_PAIRS else "too few"
+    alike = "not told apart" if len(base) >= FEWEST_PAIRS else "too few"
+    verdict = "worse" if worse else "better" if better else alike
     return Difference(name, float(base.mean()), float(new.mean()), low, high, verdict=verdict)
 
 
-def what_to_align(
-    base: Mapping[str, Any], new: Mapping[str, Any], names: Iterable[str], model: type[BaseModel]
-) -> str:
-    """Say which options two runs must share and do not.
-
-    base, new: what was asked. names: the fields of `model` that count.
-    """
-    flags = [flags_of(name, model.model_fields[name])[0] for name in names if base.get(name) != new.get(name)]
-    if not flags:
+def what_to_align(base: Run, new: Run) -> str:
+    """Say which options two runs of a kind must share and do not: all but the method's, or those of their scans."""
+    fields = base.kind.config.model_fields
+    asked = [flat(run.config | {"letters": run.about.get("letters")}) for run in (base, new)]
+    words = []
+    for name in _unlike(*asked):
+        field, _, inner = name.partition(".")
+        if field in fields and field not in base.kind.of_method:
+            words.append(f"{(*flags_of(field, fields[field]), field)[0]} {inner}".strip())
+    if not words:
+        scans = (flat(run.about.get("scan", {}).get("options", {})) for run in (base, new))
+        words = [f"--scan-set {name}" for name in _unlike(*scans)]
+    if not words:
         return "their options are the same: do both again with one version of tactsim and the same readings"
-    return f"give both the same {', '.join(flags)}"
+    return f"give both the same {', '.join(words)}"
+
+
+def _unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    return [name for name in {**one, **other} if one.get(name) != other.get(name)]
 
 
 def _check_same_trials(base: Run, new: Run) -> None:
@@ -122,8 +130,7 @@ def _check_same_trials(base: Run, new: Run) -> None:
             stated = [shape_digest(run.about["scan"], name) for run in (base, new)]
             if None not in stated and stated[0] != stated[1]:
                 raise InputError(f"{name} is of another shape in each run; give both the same --shape")
-    before, after = (run.config | {"letters": run.about.get("letters")} for run in (base, new))
-    align = what_to_align(before, after, kind.of_trials, kind.config)
+    align = what_to_align(base, new)
     if kind.own_touches:
         if not alike:
             raise InputError(f"the runs did not hide the same objects at the same poses; {align}")
@@ -138,5 +145,4 @@ def _check_same_trials(base: Run, new: Run) -> None:
     if base.trials.reading.shape != new.trials.reading.shape:
         raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
-        align = what_to_align(before, after, ("slip", "world"), kind.config)
         raise InputError(f"the objects do not move alike in both runs; {align}")

@@ -328,7 +328,7 @@ def bound_curves(bounds: FloatArray, scored: Scored) -> dict[str, list[float | N
     """
     trials = scored.trials
     counted = stated(bounds, trials)
-    named = counted & trials.named
+    named = counted & trials.named & ~np.isnan(scored.error)
     of_named = (
         np.where(named, scored.error, 0).sum(axis=0),
         np.where(named, bounds, 0).sum(axis=0),

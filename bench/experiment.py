@@ -172,9 +172,11 @@ def finished_run(
     kind = kinds.load(config.kind)
     said, bounds = kind.said(config, gathered, trials, estimator)
     about = dict(about or about_estimator(estimator)) | said
+    learned = scan.where("train").letters
     about |= {
         "letters": list(gathered.letters),
         "scan": dict(scan.meta),
+        "alone": learned[0] if len(learned) == 1 and not about["options"].get("unknown") else None,
         "readings_digest": scan.digest,
         "versions": versions(),
         "source": source or source_of_trials(config.estimator),

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from tactsim.estimators import Estimator
 
 PLANE = "plane"
+# What a task leaves to the method; all other fields of a run are the task's.
+OF_THE_METHOD = ("estimator", "bins", "particles", "set", "bound")
 
 
 class Config(Protocol):
@@ -118,9 +120,9 @@ class Kind:
     `Trials` are filled from `Touch.more`. metrics: beside those of every run. about: the model of run.json. schema: of
     run.json. columns: of trials.csv. poses: how the names of its poses begin, and which field of `trials` holds them.
     asked: fields of the configuration that JSON shows beside the estimator, trials, seed and order of touches.
-    of_trials: those that decide the trials. errors: what is compared of each trial in which both runs name the object;
-    {} stands for the reading. own_touches: whether touches are of each trial alone, so that runs with other touches of
-    the same hidden objects may be compared.
+    of_method: those that two runs of the same trials may differ in. errors: what is compared of each trial in which
+    both runs name the object; {} stands for the reading. own_touches: whether touches are of each trial alone, so that
+    runs with other touches of the same hidden objects may be compared.
     """
 
     name: ClassVar[str]
@@ -137,7 +139,7 @@ class Kind:
     columns: ClassVar[tuple[str, ...]]
     poses: ClassVar[Mapping[str, str]] = {"": "pose", "true_": "true_pose"}
     asked: ClassVar[tuple[str, ...]]
-    of_trials: ClassVar[tuple[str, ...]]
+    of_method: ClassVar[tuple[str, ...]] = OF_THE_METHOD
     errors: ClassVar[Mapping[str, Callable[[Scored], FloatArray]]]
     own_touches: ClassVar[bool] = False
 

@@ -96,10 +96,6 @@ class Plane(Kind):
         "credibility", "radius_90", "nees", "evaluations",
     )  # fmt: skip
     asked = ("slip", "hold_out")
-    of_trials = (
-        "task", "seed", "letters", "shapes", "trials", "readings", "test_poses", "explore", "stop_at", "hold_out",
-        "scan", "train_scan", "presses",
-    )  # fmt: skip
     errors: ClassVar = {"error mm @{}, both right": lambda scored: scored.error}
 
     def configured(self, **words: Any) -> RunConfig:

@@ -136,7 +136,9 @@ class Run:
     @property
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
-        lines = [line for line in (self.ended, self.badly_explained, self.refusing) if line is not None]
+        alone = self.about.get("alone")
+        said = alone and f"nothing to tell apart: {alone} is the only {self.kind.thing} that is known"
+        lines = [line for line in (said, self.ended, self.badly_explained, self.refusing) if line]
         return lines + self.kind.cautions(self)
 
     @property

@@ -70,10 +70,11 @@ class Scored:
 
     @cached_property
     def error(self) -> FloatArray:
-        """The placement error (n, r) in mm of every estimate."""
+        """The placement error (n, r) in mm of every estimate; NaN of a method that places nothing."""
         if self.parts:
             return np.concatenate([part.error for part in self.parts])
-        return errors(self.trials, self.objects)
+        found = errors(self.trials, self.objects)
+        return found if self.trials.places else np.full_like(found, np.nan)
 
     @cached_property
     def worst(self) -> list[Figure]:
@@ -520,7 +521,9 @@ def _efficiency(scored: Scored, k: int) -> Figure:
 
     if scored.bounds is None:
         return NOTHING
-    chosen = stated(scored.bounds[:, k], scored.trials) & scored.trials.named[:, k]
+    chosen = (
+        stated(scored.bounds[:, k], scored.trials) & scored.trials.named[:, k] & ~np.isnan(scored.error[:, k])
+    )
     return ratio(
         np.where(chosen, scored.error[:, k], 0), np.where(chosen, scored.bounds[:, k], 0), scored.sizes
     )

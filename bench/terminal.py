@@ -173,6 +173,9 @@ def headline(run: Run) -> list[str]:
     error = summary["error_mm"][-1]
     lines = [line if error is None else f"{line}; error {error:.2f} mm after {readings}"]
     lines.append(f"every trial right{when(f' from {word}', summary['all_right_from'], f'{word} {readings}')}")
+    if run.about.get("alone"):  # which is right whatever it feels
+        lines = [] if error is None else [f"error {error:.2f} mm after {readings}"]
+        return lines + run.cautions
     printed = paper.beside(run)
     if printed is not None:
         poses = "" if paper.at_its_poses(run) else " and in its training's poses"

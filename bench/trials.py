@@ -250,6 +250,11 @@ class Trials:
         return self.label == self.answer[:, None]
 
     @property
+    def places(self) -> bool:
+        """Tell whether any estimate says where the object lies, and not the middle of the prior."""
+        return bool(self.pose[..., :2].any())
+
+    @property
     def named(self) -> NDArray[np.bool_]:
         """Tell for (n, r) whether the letter is known and right: only then is a placement error counted."""
         return self.right & self.known[:, None]

@@ -85,10 +85,24 @@ class _Verbs(TyperGroup):
         return name, command and load(str(name)), rest
 
 
+class _Verb(TyperCommand):
+    """A verb, of whose options only lists may be given more than once."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words after the verb. Raises InputError for an option whose last value would replace another."""
+        *_, given = self.make_parser(ctx).parse_args(args=list(args))
+        for one in given:
+            if given.count(one) > 1 and not getattr(one, "multiple", True):
+                raise InputError(f"{one.opts[0]} is given twice; give it once")
+        return super().parse_args(ctx, args)
+
+
 def load(name: str) -> TyperCommand:
     """Import one of `VERBS`, with its options."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(getattr(import_module(f"tactsim.bench.cli.{VERBS[name]}"), f"command_{name}"))
+    alone.command(name, cls=_Verb)(
+        getattr(import_module(f"tactsim.bench.cli.{VERBS[name]}"), f"command_{name}")
+    )
     made = typer.main.get_command(alone)
     assert isinstance(made, TyperCommand)
     return made

@@ -121,12 +121,12 @@ def ranks(better: NDArray[np.bool_]) -> list[tuple[int, int]]:
 class Ranking:
     """Methods that had the same trials, the best first by the figure that ranks.
 
-    ranks: of each pool the best and the worst that the tests leave. by: the figure that ranks, one of accuracy_by and
-    error_by, by which all pairs are compared.
+    ranks: of each pool the best and the worst that the tests leave; None of one without the figure that ranks. by:
+    that figure, one of accuracy_by and error_by, by which all pairs are compared.
     """
 
     pools: tuple[Pooled, ...]
-    ranks: tuple[tuple[int, int], ...]
+    ranks: tuple[tuple[int, int] | None, ...]
     by: str
     accuracy_by: str
     error_by: str
@@ -165,18 +165,27 @@ def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Rankin
     right = [one.trials.right[:, int(accuracy_by.partition("@")[2]) - 1] for one in pools]
     name, _, at = error_by.partition("@")
     apart = [one.errors[:, int(at) - 1] for one in pools]
-    counted = [one.trials.named[:, int(at) - 1] if name == "error_mm" else one.trials.known for one in pools]
+    of_trials = [
+        one.trials.named[:, int(at) - 1] if name == "error_mm" else one.trials.known for one in pools
+    ]
+    placed = [~np.isnan(errors) for errors in apart]
+    counted = [chosen & known for chosen, known in zip(of_trials, placed, strict=True)]
     accuracies = compare_accuracies(column(right))
-    errors = compare_errors(column(apart), column(counted), pools[0].counts[:, orders[0]])
+    errors = compare_errors(np.nan_to_num(column(apart)), column(counted), pools[0].counts[:, orders[0]])
     if of_error:
         better = (errors.p <= LEVEL) & (errors.difference < 0)
     else:
         better = (accuracies.p <= LEVEL) & (accuracies.wins > accuracies.wins.T)
-    return Ranking(tuple(pools), tuple(ranks(better)), by, accuracy_by, error_by, accuracies, errors)
+    # Those without the figure stand last, and are neither above nor below the others.
+    given = [one for one in pools if np.isfinite(_loss(one, by))]
+    places = [*ranks(better[: len(given), : len(given)]), *[None] * (len(pools) - len(given))]
+    return Ranking(tuple(pools), tuple(places), by, accuracy_by, error_by, accuracies, errors)
 
 
-def rank_words(places: tuple[int, int]) -> str:
-    """Write the range of ranks that a method can have."""
+def rank_words(places: tuple[int, int] | None) -> str:
+    """Write the range of ranks that a method can have, or a dash."""
+    if places is None:
+        return "–"
     best, worst = places
     return f"{best}" if best == worst else f"{best}–{worst}"
 

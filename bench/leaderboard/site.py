@@ -15,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from tactsim.bench.columns import csv_text
-from tactsim.bench.leaderboard.bundle import record_path
+from tactsim.bench.leaderboard.bundle import DONE, record_path
 from tactsim.bench.leaderboard.ranking import LEVEL, rank_words
 from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
@@ -167,11 +167,11 @@ def _figures(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
     for of in standings:
         for one in (*of.ranked, *of.unranked):
             who = (of.task, of.data, one.bundle.method, one.bundle.estimator, one.path.name, one.status)
-            if one.rank is None:
+            if one.status != DONE:
                 yield *who, *[""] * (len(FIGURES) - len(who))
                 continue
             counts = len(one.bundle.ids), len(one.bundle.runs)
             for figure in of.columns:
                 found = one.figure(figure)
-                yield *who, *one.rank, figure, found.value, found.low, found.high, *counts
-            yield *who, *one.rank, "ms", one.ms_per_reading, None, None, *counts
+                yield *who, *(one.rank or ("", "")), figure, found.value, found.low, found.high, *counts
+            yield *who, *(one.rank or ("", "")), "ms", one.ms_per_reading, None, None, *counts

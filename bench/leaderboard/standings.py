@@ -47,7 +47,8 @@ class Entrant:
 
     label: the method, with the file's name if the method is there twice. number: of its colour and marker, the same
     for a method on all tasks. status: DONE, or why there is no score. check: what `bench verify` found; None if it was
-    not asked. rank: the best and the worst that the tests leave; None without a score.
+    not asked. rank: the best and the worst that the tests leave; None without a score or the
+    figure that ranks.
     """
 
     path: Path

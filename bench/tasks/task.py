@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from tactsim.bench.config import RECORDING, RunConfig, merged, nested, run_config, whole_number
+from tactsim.bench.kinds import OF_THE_METHOD
 from tactsim.bench.score import CURVES, HEADLINES
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -18,8 +19,6 @@ from tactsim.core.documents import parse_toml, read_toml
 from tactsim.core.errors import short, unknown
 from tactsim.estimators import create
 
-# What a task leaves to the method; all other fields of a run are the task's.
-OF_THE_METHOD = ("estimator", "bins", "particles", "set", "bound")
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
 _PATHS = ("scan", "train_scan", "presses", "shapes", "world", "pad")

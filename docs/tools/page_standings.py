@@ -64,7 +64,6 @@ def _table(of: Standings) -> str:
 def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
     again = f"{one.check.again} of {one.check.trials}" if one.check and one.confirmed else "unconfirmed"
     bound = _cell(one, f"efficiency@{of.readings}").partition(" ")[0]
-    assert one.rank is not None
     return [
         rank_words(one.rank), _escaped(one.label), _cell(one, of.by),
         _cell(one, f"accuracy@{','.join(map(str, seen))}"),

@@ -316,7 +316,7 @@ class Solids(Kind):
         "p_truth", "p_label", "credibility", "radius_90", "nees", "met", "evaluations",
     )  # fmt: skip
     asked = ("touches", "hand")
-    of_trials = ("seed", "objects", "shapes", "trials", "scan")
+    of_method = (*Kind.of_method, "touches", "hand", "explore")
     errors: ClassVar = {"surface mm @{}, both right": lambda scored: scored.error, "angle deg @{}": angle}
     own_touches = True
 

@@ -36,6 +36,18 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
     assert (tmp_path / "here" / "readings.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_an_option_that_is_no_list_is_given_once(here):
+    refused(here("run", "--letters", "A", "--letters", "E"), "--letters is given twice; give it once")
+    refused(here("table", "--to", "csv", "x", "--to", "latex"), "--to is given twice; give it once")
+    refused(here("run", "--set", "a=1", "--set", "b=2", "--estimator", "histgram"), "histgram")
+
+
+def test_one_known_letter_alone_is_no_recognition(here):
+    said = here("run", *SMALL, "--letters", "A", "--out", "alone").stdout
+    assert "nothing to tell apart: A is the only letter that is known\n" in said
+    assert "right after" not in said
+
+
 def test_beside_a_run_stand_the_paper_with_its_poses_and_the_default_estimator(here):
     said = " ".join(here("run", *SMALL, "--out", "off").stdout.split())
     assert "the paper, on a real pad and in its training's poses: 100 % from" in said
@@ -148,7 +160,7 @@ def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     here("scan", "--letters", "O", "--seed", "3", "--out", "tested.npz")
     words = ["--train-scan", "known.npz", "--scan", "tested.npz", *SMALL]
     assert "O (among I O): 1 trial, " in here("run", *words, "--out", "few").stdout
-    answer = json.loads(here("run", *words, "--trials", "2", "--json").stdout)
+    answer = json.loads(here("run", *words, "--json").stdout)
     assert answer["letters"] == ["O"]
     assert set(results.load(tmp_path / "few").trials.truth) == {"O"}
     refused(here("run", *words, "--letters", "I"), "no test readings of letter 'I'")

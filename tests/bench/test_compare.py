@@ -33,7 +33,7 @@ def verdicts(base, new):
 
 def test_a_run_is_the_same_as_itself():
     run = run_with(0.9, 1.0, seed=0)
-    assert verdicts(run, run) == ["same", "same"]
+    assert verdicts(run, run) == ["not told apart"] * 2
 
 
 @pytest.mark.long
@@ -44,8 +44,8 @@ def test_equal_quality_by_other_chance_is_no_alarm():
 
 def test_worse_accuracy_and_worse_error_are_both_seen():
     base = run_with(0.9, 1.0, seed=0)
-    assert verdicts(base, run_with(0.8, 1.0, seed=1)) == ["worse", "same"]
-    assert verdicts(base, run_with(0.9, 1.1, seed=1)) == ["same", "worse"]
+    assert verdicts(base, run_with(0.8, 1.0, seed=1)) == ["worse", "not told apart"]
+    assert verdicts(base, run_with(0.9, 1.1, seed=1)) == ["not told apart", "worse"]
     assert verdicts(base, run_with(0.97, 0.8, seed=1)) == ["better", "better"]
 
 
@@ -122,8 +122,9 @@ def test_runs_of_other_trials_or_protocols_are_not_compared():
     [
         (
             {"seed": 1, "shapes": ["a.stl"], "scan": "a.npz"},
-            "same trials; give both the same --seed, --shape, --scan",
+            "same trials; give both the same --shape, --seed, --scan",
         ),
+        ({"scan_set": {"pad": {"seam": 3.0}}}, "same trials; give both the same --scan-set pad.seam"),
         ({"estimator": "particle", "bins": 5}, "same trials; their options are the same"),
     ],
 )

@@ -61,35 +61,25 @@ function headlineTable(task) {
     heading: `right after ${k}`,
     value: (run) => run.accuracy[k - 1],
     cell: (run) => within(run.accuracy[k - 1], run.accuracyLow[k - 1], run.accuracyHigh[k - 1], 3),
-    best: Math.max,
   });
   const columns = [
     { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label] },
     { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letter${run.letters.length > 1 ? "s" : ""}${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
     ...[1, 2, 3, 5, 10].filter((k) => k < last).map(share),
     share(last),
-    { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING, best: Math.min },
-    { heading: "95 % settled by", value: (run) => run.settled95, cell: (run) => run.settled95 ?? MISSING, best: Math.min },
+    { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING },
+    { heading: "95 % settled by", value: (run) => run.settled95, cell: (run) => run.settled95 ?? MISSING },
     {
       heading: `error after ${last}, mm`,
       value: (run) => run.error[last - 1],
       cell: (run) => within(run.error[last - 1], run.errorLow[last - 1], run.errorHigh[last - 1], 2),
-      best: Math.min,
     },
-    { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading), best: Math.min },
-    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => run.evaluations === null ? MISSING : plain(run.evaluations), best: Math.min },
+    { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading) },
+    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => run.evaluations === null ? MISSING : plain(run.evaluations) },
   ];
-  const best = columns.map((column) => {
-    const values = task.runs.map(column.value).filter((value) => typeof value === "number");
-    return column.best && task.runs.length > 1 && values.length ? column.best(...values) : undefined;
-  });
   const rows = task.runs.map((run) =>
-    h("tr", {}, columns.map((column, i) => {
-      const value = column.value(run);
-      const cell = h(i ? "td" : "th", { "data-value": value, class: i ? "number" : null, scope: i ? null : "row" }, column.cell(run));
-      if (best[i] !== undefined && value === best[i]) cell.classList.add("best");
-      return cell;
-    })));
+    h("tr", {}, columns.map((column, i) =>
+      h(i ? "td" : "th", { "data-value": column.value(run), class: i ? "number" : null, scope: i ? null : "row" }, column.cell(run)))));
   const table = h("table", { class: "wide" }, heads(columns.map((column) => column.heading)), h("tbody", {}, rows));
   sortable(table);
   const options = task.runs.filter((run) => run.description).map((run) => h("p", { class: "hint" }, swatch(run.method), `${run.label}: ${run.description}`));

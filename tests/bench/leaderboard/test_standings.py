@@ -1,5 +1,6 @@
 """Who stands where: which bundles are ranked on which task, by which figures, and why others are not."""
 
+import csv
 import shlex
 from dataclasses import fields, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from tactsim.bench.intervals import wilson
 from tactsim.bench.leaderboard import standings
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.ranking import rank_words
-from tactsim.bench.leaderboard.site import command
+from tactsim.bench.leaderboard.site import command, write_site
 from tactsim.bench.leaderboard.standings import OTHER_TRIALS, read_folder
 from tactsim.bench.plane import Plane
 from tactsim.bench.results import save
@@ -98,6 +99,32 @@ def test_bundles_with_other_trials_have_no_score(made, tmp_path):
         ("moved", OTHER_TRIALS, None),
     ]
     assert len(of.ranked) == 4
+
+
+def test_a_method_that_places_nothing_has_no_rank_among_errors(tmp_path):
+    ranked = {name: entered(name, "letters-offgrid-v1", mm=mm) for name, mm in (("near", 0.1), ("far", 6.0))}
+    memory = entered("memory", "letters-offgrid-v1")
+    runs = [
+        replace(run, trials=replace(run.trials, pose=np.zeros_like(run.trials.pose))) for run in memory.runs
+    ]
+    found = folder_of(tmp_path, {**ranked, "memory": replace(memory, runs=tuple(runs))})
+    (of,) = found.standings
+    assert [(one.label, one.rank) for one in of.ranked] == [
+        ("near", (1, 1)),
+        ("far", (2, 2)),
+        ("memory", None),
+    ]
+    assert rank_words(of.ranked[-1].rank) == cell(of.ranked[-1].pooled, of.by).replace("-", "–") == "–"
+    write_site(found, tmp_path / "site")
+    rows = [
+        row
+        for row in csv.DictReader(
+            (tmp_path / "site" / "figures.csv").read_text(encoding="utf-8").splitlines()
+        )
+        if row["method"] == "memory"
+    ]
+    by_name = {row["figure"]: row for row in rows}
+    assert by_name["accuracy@5"]["value"] and not by_name[of.by]["value"] and not by_name[of.by]["rank_best"]
 
 
 @pytest.mark.parametrize("poses", ["unknown", "one"])
