@@ -7,9 +7,9 @@ what every estimator, also one of a package of its own, must keep. Does not live
 `tactsim` it sees only `core`.
 """
 
-from tactsim.estimators.batch import BatchEstimator
 from tactsim.estimators.estimator import (
     NONE,
+    BatchEstimator,
     Estimate,
     Estimator,
     Options,

@@ -54,7 +54,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "baseline without maps: which training readings are alike",
     ),
     "bag-of-features": (
-        "tactsim.estimators.baselines.bag_of_features:BagOfFeatures",
+        "tactsim.estimators.baselines.nearest:BagOfFeatures",
         "baseline without poses: how often a letter gives each kind of reading",
     ),
     "whole-image": (

@@ -12,10 +12,9 @@ from typing import Any
 
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, NoReading, Source, SourceError
-from tactsim.hardware.codecs.codec import PATIENCE, CodecError
-from tactsim.hardware.codecs.guessed_lines import is_text
+from tactsim.hardware.codecs.codec import LARGEST_CHUNK, PATIENCE, CodecError
+from tactsim.hardware.codecs.lines import is_text
 from tactsim.hardware.device import Device
-from tactsim.hardware.framing import LARGEST_CHUNK
 from tactsim.hardware.stream import Stream
 
 _FIRST_RETRY, _LAST_RETRY = 0.1, 0.5  # s between attempts to open a lost port; each is twice the last

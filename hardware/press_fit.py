@@ -12,8 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.press_errors import PressErrors, press_errors
-from tactsim.hardware.taxel_fit import Gains, best_gain, saved_by_gains, shrunk_gains, with_gains
+from tactsim.hardware.taxel_fit import (
+    Gains,
+    PressErrors,
+    best_gain,
+    press_errors,
+    saved_by_gains,
+    shrunk_gains,
+    with_gains,
+)
 
 NARROWEST, WIDEST = 0.3, 10.0  # mm, of a point spread
 BLUNTEST, STEEPEST_RESPONSE = 0.2, 5.0  # exponents of a response curve
@@ -108,7 +115,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One linearised round of a fit, see `press_errors`.
+    """One linearised round of a fit, see `taxel_fit`.
 
     common: shared slopes of give, outlines, gain, point spread, response. The first is counted from 0, the others from
     where the fit stands. grown: (outlines,) mm, there. weight: (n,) of the presses: less than 1 for

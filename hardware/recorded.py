@@ -23,8 +23,7 @@ from tactsim.core.reading import Reading
 from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.codecs.guessed_lines import is_text
-from tactsim.hardware.codecs.lines import LinesFormat
+from tactsim.hardware.codecs.lines import LinesFormat, is_text
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.hardware.press_errors import PressErrors
 from tactsim.hardware.press_fit import (
     BELIEVED,
     BLUNTEST,
@@ -32,7 +31,14 @@ from tactsim.hardware.press_fit import (
     known,
     shape,
 )
-from tactsim.hardware.taxel_fit import best_gain, shrunk_gains, stray_contacts, unevenness, untouched
+from tactsim.hardware.taxel_fit import (
+    PressErrors,
+    best_gain,
+    shrunk_gains,
+    stray_contacts,
+    unevenness,
+    untouched,
+)
 
 _DECADES = 0.5  # between the layers of the profile likelihood
 _TOO_STEEP = 0.3  # rad, of a tilt that tips over
@@ -152,7 +158,7 @@ def fit_sensor(
     The unit is found first, as the gain of all readings, and everything after is as if it were 1.
     Level presses on a rigid wrist are fitted first. Then presses may tilt and the wrist give way; this is kept
     if the readings are much more likely with it. Each round finds the point spread with the best gain, and then
-    each press's errors by a linearised step (`press_errors`). Errors have a normal prior whose spread is itself
+    each press's errors by a linearised step (`taxel_fit`). Errors have a normal prior whose spread is itself
     fitted, so that what a letter's symmetry leaves open stays where it was. Without them, wrong placement would
     pass for a wider point spread, and a tilt for both.
 

@@ -15,9 +15,8 @@ import numpy as np
 from tactsim.core.counters import Counters
 from tactsim.core.poses import FloatArray
 from tactsim.core.reading import Reading
-from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.codec import Frame, Framer
 from tactsim.hardware.device import UNREAD, Device
-from tactsim.hardware.framing import Framer
 
 
 class Stream:

@@ -7,9 +7,8 @@ that knows a sensor, a force, a reading or a map.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tactsim.models.export import export
 from tactsim.models.glyphs import names, parse_letters
-from tactsim.models.letter import ConvexPart, Letter, Rectangle, letter, relief
+from tactsim.models.letter import ConvexPart, Letter, Rectangle, export, letter, relief
 from tactsim.models.shapes import shape
 
 if TYPE_CHECKING:

@@ -183,7 +183,7 @@ class _Heard:
 
         Returns whether a device file was printed.
         """
-        from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
+        from tactsim.hardware.codecs.lines import guess_lines, is_text
 
         for at in range(0, min(len(self._first), _SHOWN) if as_bytes else 0, 16):
             part = self._first[at : at + 16]

@@ -16,8 +16,8 @@ from tactsim.bench.stress.case import Worst, case, refused
 from tactsim.core import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.press import PressOptions, ScanOptions, SensorOptions, press_letter
+from tactsim.press.collide import Points
 from tactsim.press.engine import ideal_readings, press_at
-from tactsim.press.points import Points
 from tactsim.press.scan_poses import grid_poses, random_poses
 from tactsim.press.sensor import Unmix
 from tactsim.press.touches import Pressed, Touches

@@ -15,9 +15,18 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from tactsim.core.pad import Pad
-from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.fields import FieldsFormat
-from tactsim.hardware.codecs.layout import Checksum, Clock, Fixed, Length, Number, PacketNumber, Skip, Taxels
+from tactsim.hardware.codecs.codec import CHECKSUMS
+from tactsim.hardware.codecs.fields import (
+    Checksum,
+    Clock,
+    FieldsFormat,
+    Fixed,
+    Length,
+    Number,
+    PacketNumber,
+    Skip,
+    Taxels,
+)
 from tactsim.hardware.codecs.lines import LinesFormat
 from tactsim.hardware.codecs.pps_csv import CsvFormat
 from tactsim.hardware.codecs.singletact import SingleTactFormat

@@ -1,4 +1,4 @@
 """Baselines: what remembering readings, or looking at each alone, would do. None has a map.
 
-One file each; `reading_classifier` is what those share that name each reading by itself.
+`nearest` holds those that name each reading by itself, `whole_image` those that look at whole presses.
 """

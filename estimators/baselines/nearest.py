@@ -1,14 +1,73 @@
-"""The baseline: compare a reading with every training reading, and learn no map."""
+"""The baselines that name the letter of each reading by itself: nearest training reading, and a bag of features."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from tactsim.core import Scan, compose, invert
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
-from tactsim.estimators.estimator import Options, check_order
+from tactsim.estimators.estimator import (
+    Estimate,
+    Estimator,
+    Options,
+    check_order,
+    check_reading,
+    probabilities,
+)
+
+
+class ReadingClassifier(Estimator):
+    """Multiply what each reading says of the letter (naive Bayes). A subclass implements `fit` and `_log_p_of`.
+
+    Readings are not fitted together in space. Unless a subclass says where the object lies, the pose is always the
+    middle of the prior, 0, 0, 0, which has the least expected squared error while nothing is known.
+
+    labels: the letters. taxels: of a reading. Both are set by `fit`. _robot_in_object: (letters, 3) what is said of the
+    pose. _evaluated: what `work` counts.
+    """
+
+    draws = False
+
+    def __init__(self, options: Options) -> None:
+        super().__init__(options)
+        self.labels: tuple[str, ...] = ()
+        self.taxels = 0
+        self._started = False
+        self._evaluated = 0
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence: every letter is equally probable again."""
+        check_order(bool(self.labels), "fit", "reset")
+        self._sum = np.zeros(len(self.labels))
+        self._robot_in_object = np.zeros((len(self.labels), 3))
+        self._started = True
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) in the scan's unit at the pose sensor_in_robot [mm, mm, rad]."""
+        check_order(self._started, "reset" if self.labels else "fit", "update")
+        self._sum += self._log_p_of(*check_reading(reading, sensor_in_robot, self.taxels))
+
+    def estimate(self) -> Estimate:
+        """Say which letter it is, and what is known of the place."""
+        check_order(self._started, "reset" if self.labels else "fit", "estimate")
+        p = np.exp(self._sum - self._sum.max())
+        best = int(p.argmax())
+        return Estimate(self.labels[best], probabilities(self.labels, p), self._robot_in_object[best].copy())
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count what readings were compared with, or how often a classifier was asked."""
+        return {"likelihood_evaluations": self._evaluated, "skipped": {}}
+
+    @abstractmethod
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
+        """Say what a reading (taxels,) adds to the log-probability of each letter, (letters,), up to a constant."""
+
 
 # The least kernel width, as a share of the training readings' root mean square.
 _LEAST_WIDTH = 1e-4
@@ -87,3 +146,58 @@ def _nearest_squares(readings: FloatArray) -> FloatArray:
     apart = squares[:, None] + squares - 2 * readings @ readings.T
     np.fill_diagonal(apart, np.inf)
     return apart.min(axis=1).clip(min=0)
+
+
+# What is added to each count, so that a word that a letter never gave is improbable and not impossible (Jeffreys).
+_UNSEEN = 0.5
+
+
+class BagOptions(Options):
+    """What the bag of features takes."""
+
+    words: int = Field(
+        200, ge=1, le=100_000, description="the most words of the vocabulary: kinds of readings"
+    )
+
+
+class BagOfFeatures(ReadingClassifier):
+    """Recognise an object by how often it gives each kind of reading (Schneider et al. 2009).
+
+    A tactile image is a feature. The training readings of all letters are clustered by k-means: the centres are the
+    words of a vocabulary. A letter is the histogram of its words. A reading counts as its nearest word, and the words
+    of a sequence as independent. Poses of the training readings are not looked at either.
+
+    words: (words, taxels) kPa.
+    """
+
+    options_type = BagOptions
+    options: BagOptions
+
+    def fit(self, scan: Scan) -> None:
+        """Cluster the training readings into words, and count those of each letter."""
+        from scipy.cluster.vq import kmeans  # imported here: only a fit needs it
+
+        train = scan.where("train")
+        check_order(len(train) > 0, "a train reading", "fit")
+        self._started = False
+        self.labels, self.taxels = train.letters, train.readings.shape[1]
+        different = np.unique(train.readings, axis=0)
+        # It begins with as many of the readings, evenly spread over their order, so that no numbers are drawn.
+        count = min(self.options.words, len(different))
+        begin = different[np.arange(count) * len(different) // count]
+        self.words: FloatArray = kmeans(different, begin)[0]
+        words = self._nearest(train.readings)
+        counts = np.array(
+            [np.bincount(words[train.labels == label], minlength=len(self.words)) for label in self.labels]
+        )
+        smoothed = counts + _UNSEEN
+        self._log_share = np.log(smoothed / smoothed.sum(axis=1, keepdims=True))
+
+    def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
+        self._evaluated += len(self.words)
+        return np.asarray(self._log_share[:, self._nearest(reading[None])[0]])
+
+    def _nearest(self, readings: FloatArray) -> NDArray[np.intp]:
+        """Find the number of the nearest word of each of (n, taxels) readings."""
+        squares = (self.words**2).sum(axis=1) - 2 * readings @ self.words.T
+        return squares.argmin(axis=1)

@@ -12,7 +12,7 @@ from tactsim.core import Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
+from tactsim.estimators.baselines.nearest import ReadingClassifier
 from tactsim.estimators.estimator import check_order
 from tactsim.estimators.likelihoods.folds import FOLDS, can_leave_out
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactsim.core import compose, invert
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.contract.bars import make_scan, paper_poses
+from tactsim.estimators.contract.checks import make_scan, paper_poses
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import learn_maps_by

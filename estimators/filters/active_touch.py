@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tactsim.core.compiling import Floats2D, Floats3D, Floats4D, Ints1D, Reals1D, Reals2D, compiled
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.tables import tabulate
+from tactsim.estimators.field.table_field import tabulate
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
 
 STATES = 256  # drawn from the belief for one choice

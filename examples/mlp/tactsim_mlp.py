@@ -14,7 +14,7 @@ from pydantic import Field
 
 from tactsim.core import Scan, transform
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.baselines.reading_classifier import ReadingClassifier
+from tactsim.estimators.baselines.nearest import ReadingClassifier
 from tactsim.estimators.estimator import Options, check_order
 from tactsim.estimators.likelihoods.folds import by_letter, folds, positions
 from tactsim.estimators.likelihoods.force import ForceLikelihood

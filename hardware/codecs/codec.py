@@ -1,9 +1,15 @@
-"""The face of every codec: pure functions from bytes to packets, apart from any port."""
+"""Codecs: from the bytes of a device to frames of taxels, and how a stream of bytes is cut into them."""
 
 from __future__ import annotations
 
+import binascii
+import zlib
 from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import xor
 from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, field_validator
@@ -11,6 +17,42 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 from tactsim.core.counters import Counters
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
+
+
+def _crc_table(polynomial: int) -> tuple[int, ...]:
+    """Tabulate a reflected CRC's 256 steps."""
+
+    def step(value: int) -> int:
+        for _ in range(8):
+            value = (value >> 1) ^ (polynomial if value & 1 else 0)
+        return value
+
+    return tuple(step(byte) for byte in range(256))
+
+
+_MODBUS = _crc_table(0xA001)  # x^16 + x^15 + x^2 + 1, reflected
+
+
+def crc16_modbus(data: bytes) -> int:
+    """Compute CRC-16/MODBUS: reflected 0x8005 from 0xFFFF."""
+    crc = 0xFFFF
+    for byte in data:
+        crc = (crc >> 8) ^ _MODBUS[(crc ^ byte) & 0xFF]
+    return crc
+
+
+# name: (bytes that it takes, function)
+CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
+    "sum8": (1, lambda data: sum(data) & 0xFF),
+    "xor8": (1, lambda data: reduce(xor, data, 0)),
+    "lrc8": (1, lambda data: -sum(data) & 0xFF),  # of Modbus ASCII: all bytes and it sum to 0
+    "sum16": (2, lambda data: sum(data) & 0xFFFF),
+    "crc16-modbus": (2, crc16_modbus),
+    "crc16-ccitt": (2, lambda data: binascii.crc_hqx(data, 0xFFFF)),
+    "crc16-xmodem": (2, lambda data: binascii.crc_hqx(data, 0)),
+    "crc32": (4, lambda data: zlib.crc32(data)),
+}
+
 
 Packet = TypeVar("Packet")
 
@@ -258,3 +300,74 @@ class CountsCodec(Codec[Frame]):
     def from_kpa(self, pressures: FloatArray) -> FloatArray:
         """Turn kPa into values."""
         return pressures / self.kpa_per_count + self.zero
+
+
+LARGEST_CHUNK = 1 << 16  # bytes; behind a smaller one nothing was left to read when it came
+
+
+@dataclass(frozen=True)
+class Arrived(Generic[Packet]):
+    """A packet and when it came, s: its first byte at `began`, its last at `ended`, and none before or at `after`."""
+
+    packet: Packet
+    began: float
+    after: float
+    ended: float
+
+
+class Framer(Generic[Packet]):
+    """Give a codec what has come so far; the buffer never holds more than one chunk and an unfinished packet."""
+
+    def __init__(self, codec: Codec[Packet], counters: Counters) -> None:
+        self._codec, self._counters = codec, counters
+        self._buffer = bytearray()
+        self._in_garbage = False
+        self._last = float("-inf")  # when all that had come was last read
+        self._chunks: deque[tuple[int, float, float]] = deque()  # (end in the buffer, came, not before or at)
+
+    def feed(self, data: bytes, now: float) -> list[Arrived[Packet]]:
+        """Take in bytes that came at `now` (s) and return the packets that they complete.
+
+        No bytes say that nothing came until `now`. Raises CodecError if the codec asks for more bytes though
+        it has `longest` of them: that is its bug, and the buffer would grow without end.
+        """
+        buffer, packets, at = self._buffer, [], 0
+        buffer += data
+        if data:
+            self._chunks.append((len(buffer), now, self._last))
+        if len(data) < LARGEST_CHUNK:
+            self._last = max(self._last, now)
+        self._counters.bytes += len(data)
+        while at < len(buffer):
+            used, packet = self._codec.decode(buffer, at)
+            if used == 0:
+                if len(buffer) - at >= self._codec.longest:
+                    raise CodecError(
+                        f"codec {type(self._codec).__name__} waits for more than the {self._codec.longest} "
+                        "bytes that it calls its longest packet"
+                    )
+                break
+            if packet is not None:
+                first = at + self._codec.before
+                while self._chunks[0][0] <= first:
+                    self._chunks.popleft()
+                ended = next((came for end, came, _ in self._chunks if end >= first + used), now)
+                packets.append(Arrived(packet, *self._chunks[0][1:], ended))
+                self._in_garbage = False
+            else:
+                self._counters.garbage_bytes += used
+                self._counters.resyncs += not self._in_garbage
+                self._counters.bad_checksums += self._codec.fails_checksum(buffer, at)
+                self._in_garbage = True
+            at += used
+        del buffer[:at]
+        self._chunks = deque((end - at, came, before) for end, came, before in self._chunks if end > at)
+        return packets
+
+    def reset(self) -> None:
+        """Forget the beginning of a packet: its rest will not come."""
+        self._counters.garbage_bytes += len(self._buffer)
+        self._buffer.clear()
+        self._chunks.clear()
+        self._last = float("-inf")
+        self._in_garbage = False

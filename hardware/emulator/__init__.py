@@ -4,7 +4,6 @@ Lives here: emulated devices, their faults, the hand that presses them, and how 
 here: physics. The caller passes the pressures on the pad as a function of time.
 """
 
-from tactsim.hardware.emulator.emulated import Emulated, Faults, emulate
-from tactsim.hardware.emulator.serve import serve_pty, serve_tcp
+from tactsim.hardware.emulator.emulated import Emulated, Faults, emulate, serve_pty, serve_tcp
 
 __all__ = ["Emulated", "Faults", "emulate", "serve_pty", "serve_tcp"]

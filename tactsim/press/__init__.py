@@ -4,7 +4,7 @@ Lives here: the physics of a press, what the sensor makes of it, and the cache o
 here: what is learned from readings (estimators), or how a real pad is read (hardware).
 
 `engine` chooses who presses: `exact`, `balance` (the engine bed, over `bed`, `clip`, `levels` and `scene`), `collide`
-with its `points`, and `facets` (the engine relief); `dynamics` with `force_control` goes through time.
+and `facets` (the engine relief); `dynamics` goes through time.
 `spread` and `sensor` turn pressure into readings, and `scanning` takes all of them. A pad on a geom of anybody's MuJoCo
 model is the room `tactsim.attach`, whose names are found here, too.
 

@@ -461,7 +461,7 @@ class SpaceField:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Move poses (n, 7) to where the touches agree better, in at most so many steps.
 
-        Returns the poses, the information (n, 6, 6) there, see `climbing_kernels.climb`, and log p (n,).
+        Returns the poses, the information (n, 6, 6) there, see `feeling_kernels.climb`, and log p (n,).
         """
         moved, log_p = np.array(object_in_robot), np.empty(len(object_in_robot))
         information = np.empty((len(moved), 6, 6))

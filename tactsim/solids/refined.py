@@ -98,7 +98,7 @@ class SpaceRefinedFilter(Estimator):
     even over all. Objects whose maps are equal are one hypothesis and share its probability.
 
     After a contact `PoseSearch` moves the middles of coarse cells to where touches agree. From the better ones, and
-    from some of the particles so far, the modes of the belief are climbed to (`pose_modes`), and particles are drawn
+    from some of the particles so far, the modes of the belief are climbed to, and particles are drawn
     about them. These are weighed by the likelihood of all touches; where too few of them count they are weighed little
     by little and moved (`MovedParticles`). A belief that is too wide for modes, as after a first contact, is held by
     poses in cells that are halved, or by the particles of the touch before. After a touch for which no search is due

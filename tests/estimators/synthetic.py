@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, compose, invert
 from tactsim.estimators import Estimate, Estimator, create
-from tactsim.estimators.contract.bars import BarForward, fit, make_scan, paper_poses, pressures, square_pad
+from tactsim.estimators.contract.checks import BarForward, fit, make_scan, paper_poses, pressures, square_pad
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.cells import bins_of, middles
 from tactsim.estimators.filters.grid import StateGrid

@@ -8,9 +8,8 @@ from made_pads import csv_device, described, line_device, singletact, small_devi
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs import codec_registry as registry
-from tactsim.hardware.codecs.codec import Codec, CodecError, Frame
+from tactsim.hardware.codecs.codec import Codec, CodecError, Frame, Framer
 from tactsim.hardware.codecs.singletact import Reply, write_reply
-from tactsim.hardware.framing import Framer
 
 
 def small_messages(count, rng):

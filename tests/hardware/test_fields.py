@@ -6,8 +6,7 @@ from made_pads import small_device
 
 from tactsim.core import InputError
 from tactsim.core.checking import checked
-from tactsim.hardware.codecs.checksums import CHECKSUMS
-from tactsim.hardware.codecs.codec import Frame
+from tactsim.hardware.codecs.codec import CHECKSUMS, Frame
 from tactsim.hardware.codecs.fields import FieldsFormat
 
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from made_pads import described, line_device, small_device
 
 from tactsim.core.counters import Counters
-from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.framing import Framer
+from tactsim.hardware.codecs.codec import Frame, Framer
 from tactsim.hardware.stream import Stream
 
 HEADER = {"is": "header", "bytes": "AA 55"}

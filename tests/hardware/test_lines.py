@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core.counters import Counters
-from tactsim.hardware.codecs.guessed_lines import guess_lines, is_text
-from tactsim.hardware.codecs.lines import LinesFormat
+from tactsim.hardware.codecs.codec import Framer
+from tactsim.hardware.codecs.lines import LinesFormat, guess_lines, is_text
 from tactsim.hardware.device import Device
-from tactsim.hardware.framing import Framer
 
 VALUES = [[100 + k % 7, 200, 300 + k % 3, 400] for k in range(30)]
 # How a sketch prints four numbers and a time in ms.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tactsim.hardware.press_errors import press_errors
+from tactsim.hardware.taxel_fit import press_errors
 
 ANY = (-np.inf, np.inf)
 GROUPS = [(0, 1), (2,)]

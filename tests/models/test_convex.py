@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from manifold3d import CrossSection
 
 from tactsim import models
-from tactsim.models.convex import convex_pieces
+from tactsim.models.letter import convex_pieces
 from tactsim.models.shapes import cleaned
 
 

@@ -11,8 +11,7 @@ from tactsim import models
 from tactsim.core import InputError, Pad
 from tactsim.press import press_letter, scan_letters
 from tactsim.press.bed import lay_bed, levels
-from tactsim.press.dynamics import contact_history
-from tactsim.press.force_control import ForceControl
+from tactsim.press.dynamics import ForceControl, contact_history
 from tactsim.press.scene import Setup, UnsettledError, scene
 from tactsim.press.touches import Touches
 

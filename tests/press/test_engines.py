@@ -12,8 +12,8 @@ from tactsim import models
 from tactsim.core import Pad, transform
 from tactsim.press import ScanOptions, facet_kernels, press_letter
 from tactsim.press.clip import covers
+from tactsim.press.collide import lattice
 from tactsim.press.engine import press_at
-from tactsim.press.points import lattice
 from tactsim.press.scan_poses import REACH, grid_poses, random_poses
 from tactsim.press.touches import MOST_TILT, Touches
 

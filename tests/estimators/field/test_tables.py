@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tactsim.estimators.field.tables import tabulate
+from tactsim.estimators.field.table_field import tabulate
 from tactsim.estimators.likelihoods.likelihood import TaxelSum
 from tactsim.estimators.options import LikelihoodOptions
 
