@@ -28,7 +28,7 @@ from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole
 from tactsim.hardware.stream import DeviceClock, Stream
-from tactsim.hardware.text_tables import check_taxel_names
+from tactsim.hardware.text_tables import check_taxel_names, frames_of_text
 
 _HEAD = 4096  # bytes of a file, which tell whether it is a text
 _HALF_DAY = 43_200  # s, after which a clock of twelve hours starts again
@@ -192,7 +192,10 @@ class CsvReplay(Source):
         self.path, self.device, self._log = Path(path), device, log
         self.pad, self.taxel_xy = device.pad, device.pad.taxel_xy
         if len(device.part) > 1:
-            raise SourceError(f"{self.path}: {device.name!r} has {len(device.part)} parts; a CSV has one")
+            raise SourceError(
+                f"{self.path}: a text is of a pad in one part, and {device.name!r} has {len(device.part)}: name the "
+                "device file of its pad, --device FILE.toml"
+            )
         self.has_bytes = isinstance(device.codec, LinesFormat)
         self._stream = Stream(device)
         self.counters = self._stream.counters
@@ -202,7 +205,7 @@ class CsvReplay(Source):
         self._texts = open_text(self.path)
         try:
             if isinstance(device.codec, LinesFormat):
-                self._readings = self._of_lines("skip" in device.codec.before)
+                self._readings = self._of_lines(device.codec)
             elif isinstance(device.codec, CsvFormat):
                 names, frames, self._remark = read_table(self._texts)
                 if device.part[0].taxels is None:  # which would say the order
@@ -253,9 +256,13 @@ class CsvReplay(Source):
             elif reading := self._stream.join(0, replace(frame, address=address), 0.0, 0.0, 0.0):
                 yield replace(reading, host_time=reading.device_time or 0.0)
 
-    def _of_lines(self, stamps_skipped: bool) -> Iterator[Reading]:
-        """Read lines as they came; times before them are the terminal's unless the device file skips a column."""
-        clock, now = DeviceClock(1.0, _HALF_DAY), None
+    def _of_lines(self, codec: LinesFormat) -> Iterator[Reading]:
+        """Read lines as they came; times before them are the terminal's unless the device file skips a column.
+
+        The first line may be the rest of one. It is taken for whole where neither terminal nor device note a time, as
+        in a file that begins with its first frame.
+        """
+        clock, now, begin = DeviceClock(1.0, _HALF_DAY), None, b"\n"
         for text in self._texts:
             garbage, restarts, stamp = self.counters.garbage_bytes, clock.restarts, _STAMP.match(text)
             if stamp:
@@ -263,7 +270,8 @@ class CsvReplay(Source):
                 now = clock.seconds(3600 * hours + 60 * minutes + seconds, 0.0)
                 if clock.restarts > restarts:
                     self._stream.lost(0, now)
-            line = text[stamp.end() if stamp and not stamps_skipped else 0 :].encode()
+            line = text[stamp.end() if stamp and "skip" not in codec.before else 0 :].encode()
+            line, begin = (b"" if codec.before or stamp else begin) + line, b""
             if self._log is not None:
                 self._log.received(0, line, now or 0.0)
             for reading in self._stream.received(0, line, now or 0.0):
@@ -272,6 +280,23 @@ class CsvReplay(Source):
                 yield reading if now is not None else replace(reading, host_time=reading.device_time or 0.0)
             if text.strip() and self.counters.garbage_bytes > garbage:
                 self._leave_out(text)
+        if not self.counters.readings and not codec.before and now is None:
+            yield from self._of_rows(codec.taxels)
+
+    def _of_rows(self, taxels: int) -> Iterator[Reading]:
+        """Read frames of several lines with nothing but other numbers between them, or of a column each."""
+        try:
+            with open_text(self.path) as text:
+                frames = frames_of_text(text.read(), taxels, ahead=0)
+        except InputError:  # which lines are no readings is said anyway
+            return
+        address = self.device.place(self.device.part[0])[1]
+        self._out = self.counters.garbage_bytes = self.counters.resyncs = 0
+        self._remark = f"{counted(len(frames), 'frame')} of several lines or of a column each, without times"
+        for values in frames:
+            reading = self._stream.join(0, Frame(values, address=address), 0.0, 0.0, 0.0)
+            if reading is not None:
+                yield replace(reading, host_time=0.0)
 
 
 def open_text(path: str | Path) -> TextIOWrapper:

@@ -242,7 +242,7 @@ class RecordReader:
                 if len(start) < _START.size or not start.startswith(MAGIC):
                     raise InputError(
                         "it is no recording of `bench record`, and no text; of arrays write a table with a line a "
-                        "frame, 'time [s],t0,t1,...'"
+                        "frame, 'time [s],t0,t1,...', or give `bench import` a folder of them, a press each"
                     )
                 version = _START.unpack(start)[1]
                 if version != VERSION:

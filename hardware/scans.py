@@ -508,7 +508,8 @@ def named_rows(
     if called and not {*names}.intersection(known.values()):
         raise InputError(f"{path}: no line names a column {' or '.join(map(repr, called.values()))}")
     if not {*names}.intersection(known.values()):
-        also = "; of a recording `bench replay --marks` makes presses" if what == "presses" else ""
+        also = "; of a recording `bench replay --marks` makes presses, of a folder with a press a file `bench import`"
+        also = also if what == "presses" else ""
         raise InputError(f"{path}: no line names its columns, which are {', '.join(known.values())}{also}")
     for name, theirs in (called or {}).items():
         if name not in names:

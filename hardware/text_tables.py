@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, dropwhile
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -98,6 +100,20 @@ def thousands_mark(cells: Iterable[str], commas: bool = False) -> str | None:
     return None
 
 
+def unit_since_1970(times: ArrayLike) -> float | None:
+    """Tell the s of a unit in which times (n,) count from 1970, by their size; None for any other clock.
+
+    They are of the years from 2001 to 2096. A clock that counts us reads as much as s do, but in steps of a thousand.
+    """
+    known = np.asarray(times, dtype=float)
+    if len(known) < 2:
+        return None
+    for seconds in (1.0, 1e-3, 1e-6, 1e-9):
+        if seconds * known.min() >= 1e9 and seconds * known.max() < 4e9:
+            return seconds if seconds < 1 or np.median(np.abs(np.diff(known))) < 1000 else None
+    return None
+
+
 def check_taxel_names(names: Sequence[str], unit: str) -> None:
     """Raise InputError if the names of columns tell that these are not the taxels in their order, along the rows.
 
@@ -134,3 +150,48 @@ def numbers_of(text: str) -> FloatArray:
     rows = [cells for _, cells in cells_of(lines, separator_of(lines[0]))]
     commas = has_decimal_commas(chain(*rows), separator_of(lines[0]))
     return np.loadtxt([" ".join(with_points(cells, separator_of(lines[0]), commas)) for cells in rows])
+
+
+def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
+    """Read frames (n, taxels) of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
+
+    ahead: so many numbers, 0 or 1, may stand before a frame in its line. Lines that hold anything but numbers say
+    nothing. Where a line has as many numbers as a part of the taxels, so many lines that follow each other are a frame,
+    and what stands between them is none. Raises InputError.
+    """
+    numbers = [_numbers(line) for line in text.splitlines()]
+    widths = Counter(len(one) for one in numbers if one is not None)
+    fitting = [width for width in widths if width in (taxels, taxels + ahead) or taxels % max(width, 1) == 0]
+    width = max(fitting, key=lambda one: (one * widths[one], one), default=0)
+    rows = [one for one in numbers if one is not None]
+    if len(widths) == 1 and len(rows) == taxels and width < taxels:
+        table = np.array(rows)
+        if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
+            return table[:, 1:].T
+    if width < 2:
+        raise InputError(
+            f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {taxels} taxels"
+        )
+    if width >= taxels:
+        return np.array([one[-taxels:] for one in rows if len(one) == width])
+    lines, frames, block = taxels // width, list[list[float]](), list[list[float]]()
+    for number, one in enumerate([*numbers, None], start=1):
+        if one is not None and len(one) == width:
+            block.append(one)
+            continue
+        if len(block) % lines:
+            raise InputError(
+                f"line {number - len(block)}: {len(block)} lines of {width} numbers follow each other; a frame of "
+                f"{taxels} taxels has {lines}"
+            )
+        frames += np.reshape(block, (-1, taxels)).tolist()
+        block = []
+    return np.array(frames)
+
+
+def _numbers(line: str) -> list[float] | None:
+    """Read a line of numbers between commas, semicolons, tabs or blanks; None if it holds none, or anything else."""
+    try:
+        return [float(word) for word in re.split(r"[,;\t ]+", line.strip(",;\t \r")) if word] or None
+    except ValueError:
+        return None

@@ -80,7 +80,7 @@ def guess(path: str | Path) -> Format:
     raise InputError(
         f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "
         "writes them, readings, poses and labels together in a .npz (numpy.savez), .mat or .h5 file, and a press a row "
-        "in a .csv file"
+        "in a .csv file; of frames name the folder, with a press a file"
     )
 
 

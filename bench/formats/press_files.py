@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
@@ -24,6 +23,7 @@ from tactsim.core.documents import LARGE, read_text
 from tactsim.core.files import read_bytes
 from tactsim.core.npz import LARGEST, read_npz
 from tactsim.core.poses import FloatArray
+from tactsim.hardware.text_tables import frames_of_text
 
 # Of a press's range of total load: frames above it are its plateau.
 _LOADED = 0.9
@@ -101,53 +101,7 @@ def loaded(frames: FloatArray) -> slice:
 
 
 def _text(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
-    yield path.stem, frames_of_text(read_text(path, "frames", LARGE), pad)
-
-
-def frames_of_text(text: str, pad: Pad) -> FloatArray:
-    """Read frames (n, taxels) of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
-
-    Lines that hold anything but numbers say nothing. Where a line has as many numbers as a part of the taxels, so many
-    lines that follow each other are a frame, and what stands between them is none. Raises InputError.
-    """
-    numbers = [_numbers(line) for line in text.splitlines()]
-    widths = Counter(len(one) for one in numbers if one is not None)
-    fitting = [
-        width for width in widths if width in (pad.taxels, pad.taxels + 1) or pad.taxels % max(width, 1) == 0
-    ]
-    width = max(fitting, key=lambda one: (one * widths[one], one), default=0)
-    rows = [one for one in numbers if one is not None]
-    if len(widths) == 1 and len(rows) == pad.taxels and width not in (pad.taxels, pad.taxels + 1):
-        table = np.array(rows)
-        if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
-            return table[:, 1:].T
-    if width < 2:
-        raise InputError(
-            f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {pad.taxels} taxels"
-        )
-    if width >= pad.taxels:
-        return np.array([one[-pad.taxels :] for one in rows if len(one) == width])
-    lines, frames, block = pad.taxels // width, list[list[float]](), list[list[float]]()
-    for number, one in enumerate([*numbers, None], start=1):
-        if one is not None and len(one) == width:
-            block.append(one)
-            continue
-        if len(block) % lines:
-            raise InputError(
-                f"line {number - len(block)}: {len(block)} lines of {width} numbers follow each other; a frame of "
-                f"{pad.taxels} taxels has {lines}"
-            )
-        frames += np.reshape(block, (-1, pad.taxels)).tolist()
-        block = []
-    return np.array(frames)
-
-
-def _numbers(line: str) -> list[float] | None:
-    """Read a line of numbers between commas, semicolons, tabs or blanks; None if it holds none, or anything else."""
-    try:
-        return [float(word) for word in re.split(r"[,;\t ]+", line.strip(",;\t \r")) if word] or None
-    except ValueError:
-        return None
+    yield path.stem, frames_of_text(read_text(path, "frames", LARGE), pad.taxels)
 
 
 def _npy(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from tactsim.bench.formats.press_files import frames_of_text, loaded
+from tactsim.bench.formats.press_files import loaded
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.cache_folder import cache_folder
 from tactsim.core.checking import checked
@@ -30,6 +30,7 @@ from tactsim.core.errors import unknown
 from tactsim.core.files import read_bytes, write_bytes
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
+from tactsim.hardware.text_tables import frames_of_text
 
 KNOWN = Path(__file__).with_name("public_recordings.toml")
 _LARGEST = 1 << 28  # bytes of a file
@@ -312,7 +313,7 @@ def _dsa(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presse
 
 def _fingers(path: str, content: bytes, pad: Pad, shares: Sequence[float]) -> Presses:
     """Read a grasp of five fingers, a line each, which read less under load; the file is named after its object."""
-    frames = -frames_of_text(content.decode("utf-8", "replace"), pad)
+    frames = -frames_of_text(content.decode("utf-8", "replace"), pad.taxels)
     return [_press_reading(frames)[None]], [re.sub(r"_\d+$", "", Path(path).stem)]
 
 

@@ -34,6 +34,7 @@ from tactsim.core.counters import Counters
 from tactsim.core.errors import counted
 from tactsim.core.finite import LARGEST
 from tactsim.hardware.codecs.codec import CHECKSUMS, CountsCodec, CountsFormat, Frame, Framer
+from tactsim.hardware.text_tables import unit_since_1970
 
 _END = re.compile(rb"\r\n|\r|\n")
 _LONGEST_NUMBER = 32  # characters of one number with its separator and its name
@@ -239,6 +240,7 @@ def numbers_in(fields: list[bytes]) -> list[float] | None:
 _BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
+_FRAMES = re.compile(rb"[,;\t ](frame|sample|scan|step)\W*\d+", re.IGNORECASE)  # names of columns
 _ALIKE = 0.1  # of how far columns are apart: lines no further apart than this say the same of the same taxels
 
 
@@ -247,11 +249,11 @@ class GuessedLines:
     """Lines of numbers.
 
     columns: fields in a frame. rows: lines in a frame, with a line of another kind between frames; 1 if every line is
-    one. before: what the first fields are: "skip" for what is never a number, "clock" for one that rises
-    steadily, "index" where it rises by 1. tick_s: s, the clock's unit by its steps. decimal: the decimal point. odd: a
-    field that is no number where others are, such as "ovf"; "" if there is none. named: the names of lines that are
-    parts of a frame, with nothing between two frames. checksum: the kind behind a "*"; "" if there is none. read:
-    whether most of these lines are read by the device file.
+    one. before: what the first fields are: "skip" for what is never a number, "clock" for one that rises steadily or
+    says the time since 1970, "index" where it rises by 1. tick_s: s, the clock's unit by its steps or size. decimal:
+    the decimal point. odd: a field that is no number where others are, such as "ovf"; "" if there is none. named: the
+    names of lines that are parts of a frame, with nothing between two frames, or of columns that are frames. checksum:
+    the kind behind a "*"; "" if there is none. read: whether most of these lines are read by the device file.
     """
 
     columns: int
@@ -279,12 +281,19 @@ class GuessedLines:
 
     def refusal(self) -> str:
         """Say why no device file reads them, and what the device should print instead."""
+        if "index" in self.before and self.named:
+            return (
+                f"Its columns are frames ({', '.join(self.named[:2])} ...), and its lines a taxel each: `bench import` "
+                "reads a folder of such files, a press each, and `bench replay --rate` one, as a pad of so many taxels."
+            )
         if self.named:
             return (
                 f"The device prints the parts of a frame in lines of their own ({', '.join(self.named[:4])} ...), "
                 "which no device file joins. Let it print a frame a line, or bare values and an empty line between two."
             )
         why = f"{self.odd!r} is no number" if self.odd else "a number is beyond what a reading may be"
+        if self.tick_s == 1e-9:
+            why = "field 1 counts ns since 1970, and us are the finest; or name it in a title, 'time [ns],t0,t1,...'"
         what = f"The device prints lines of {self.columns} fields, which no device file reads: {why}."
         return f"{what} Let it print decimal numbers, for a dead taxel 0."
 
@@ -328,9 +337,13 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     named = tuple(sorted(name for name, count in names.items() if count > 1))
     if any(line.startswith(b"[[") and not line.endswith(b"]]") for line in lines):
         named = ("[[", "]]")  # as NumPy prints a picture
+    first_line = data.partition(b"\n")[0]
+    columns_named = tuple(found[0][1:].decode() for found in _FRAMES.finditer(first_line))
     guesses = []
     for decimal, checksum in product(".,", ("", "xor8")):
         texts = [line.partition(b"*")[0] if checksum else line for line in lines]
+        if decimal == "," and not any(b"," in text for text in texts):
+            continue
         fields = [split_line(text, decimal) if text.strip(b"\0 ") else [] for text in texts]
         guess = _of_rows(lines, fields, decimal) or _of_lines(fields, decimal)
         if guess is not None:
@@ -341,7 +354,9 @@ def guess_lines(data: bytes) -> GuessedLines | None:
             turns = _in_turn(firsts[0])
             parts = named if len(named) > 1 else turns or _in_turn(firsts[1])
             numbered = guess.rows > 2 and turns in [tuple(map(str, range(k, k + guess.rows))) for k in (0, 1)]
-            if numbered or (guess.rows == 1 and parts):
+            if "index" in guess.before and len(columns_named) > 1:
+                guesses.append(replace(guess, named=columns_named))
+            elif numbered or (guess.rows == 1 and parts):
                 guesses.append(replace(guess, named=turns if numbered else parts))
             else:
                 guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
@@ -416,11 +431,13 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     odd = next((alike[row][column] for row, column in np.argwhere(~known) if column >= skipped), b"")
     before, tick_s = ["skip"] * skipped, 1e-3
     while len(before) < min(columns - 1, max(skipped + 1, 2)):
-        steps = np.diff([(numbers_in([row[len(before)]]) or [np.nan])[0] for row in alike])
-        kind = "index" if (steps == 1).all() else "clock"
-        if kind in before or len(steps) < 3 or not (steps > 0).all() or steps.max() >= 3 * steps.min():
+        times = [(numbers_in([row[len(before)]]) or [np.nan])[0] for row in alike]
+        steps, since = np.diff(times), unit_since_1970(times)
+        kind = "index" if since is None and (steps == 1).all() else "clock"
+        steady = (steps > 0).all() and steps.max() < 3 * steps.min() if since is None else (steps >= 0).all()
+        if kind in before or len(steps) < 3 or not steady:
             break
         before.append(kind)
         if kind == "clock":
-            tick_s = 1.0 if steps.max() < 1 else 1e-3 if steps.max() < 1000 else 1e-6
+            tick_s = since or (1.0 if steps.max() < 1 else 1e-3 if steps.max() < 1000 else 1e-6)
     return GuessedLines(columns, 1, tuple(before), decimal, odd.decode("utf-8", "replace"), tick_s)

@@ -254,6 +254,10 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
         raise CodecError(
             f"the title's unit of time is {inside.strip()!r}; known are s, ms, us, ns, min, h, days"
         )
+    since = text_tables.unit_since_1970(times)
+    if since is not None:
+        names = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+        return since, f"the time is read as {names[since]} since 1970, by its size"
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     unit, seconds = next(((unit, seconds) for most, unit, seconds in _BY_STEP if step < most), ("ns", 1e-9))

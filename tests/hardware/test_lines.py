@@ -195,6 +195,34 @@ def test_rows_of_which_a_number_was_lost_are_no_frame():
     ]
 
 
+@pytest.mark.parametrize(
+    ("step", "unit"), [(4.2, 1.0), (0.035, 1.0), (1, 1.0), (4200, 1e-3), (42, 1e-3), (42_000, 1e-6)]
+)
+@pytest.mark.parametrize("twice", [False, True])
+def test_a_stamp_since_1970_is_the_clock_in_the_unit_of_its_size(step, unit, twice):
+    stamps = [1.75e9 / unit + step * (k // 2 if twice else k) for k in range(len(VALUES))]
+    lines = "".join(
+        f"{stamp:.3f}," + ",".join(map(str, values)) + "\n"
+        for stamp, values in zip(stamps, VALUES, strict=True)
+    )
+    guess = guess_lines(lines.encode())
+    assert (guess.before, guess.tick_s, guess.read) == (("clock",), unit, True)
+
+
+def test_stamps_in_ns_and_tables_with_a_column_a_frame_are_refused_for_what_they_are():
+    lines = "".join(f"{1750000000000000000 + k * 42_000_000},{v[0]},{v[1]}\n" for k, v in enumerate(VALUES))
+    assert "counts ns since 1970" in guess_lines(lines.encode()).refusal()
+    lines = "node_id,frame0,frame1,frame2\n" + "".join(f"{k},{v[0]},{v[1]},7\n" for k, v in enumerate(VALUES))
+    guess = guess_lines(lines.encode())
+    assert not guess.read
+    assert "its lines a taxel each" in guess.refusal()
+
+
+def test_rows_between_lines_of_other_numbers_have_no_decimal_commas():
+    lines = "".join(f"1.5 2.5 3.5\n{v[0]}.0 {v[1]}.0\n{v[2]}.0 {v[3]}.0\n" for v in VALUES)
+    assert guess_lines(lines.encode()).decimal == "."
+
+
 @given(st.binary(max_size=400))
 def test_bytes_of_another_kind_are_not_taken_for_text(data):
     guess = guess_lines(data)  # raises nothing, whatever comes

@@ -385,6 +385,33 @@ def test_lines_without_a_time_say_so_and_a_title_says_which_device_file_reads_a_
         CsvReplay(tmp_path / "a.log", csv_device(4))
 
 
+LAID = [
+    ("".join(f"{k}\t9\t{k + 2}\t7\n" for k in range(30)), "no time stands before"),
+    ("".join(f"{k} 9\n{k + 2} 7\n" for k in range(30)), "30 frames of several lines"),
+    ("-10000\n" + "".join(f"1.5 2.5 3.5\n{k}.0 9.0\n{k + 2}.0 7.0\n" for k in range(30)), "30 frames of several lines"),
+    ("node_id," + ",".join(f"frame{k}" for k in range(30)) + "\n" + "".join(
+        f"{number}," + ",".join(str(value(k)) for k in range(30)) + "\n"
+        for number, value in enumerate((lambda k: k, lambda k: 9, lambda k: k + 2, lambda k: 7))
+    ), "30 frames of several lines or of a column"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "said"), LAID)
+def test_frames_without_times_are_all_read_however_their_numbers_are_laid_in_lines(tmp_path, text, said):
+    (tmp_path / "a.txt").write_text(text)
+    with open_source([f"recording:{tmp_path / 'a.txt'}"], LINES) as source:
+        assert [reading.pressures.tolist() for reading in source] == [[k, 9, k + 2, 7] for k in range(30)]
+        assert source.summary() == [line for line in source.summary() if line.startswith(said)]
+        assert source.counters.as_dict()["garbage_bytes"] == 0
+
+
+def test_lines_behind_a_clock_that_the_device_file_does_not_name_are_no_frames(tmp_path):
+    (tmp_path / "a.txt").write_text("".join(f"{k}.5 {k} 9 {k + 2} 7\n" for k in range(30)))
+    with open_source([f"recording:{tmp_path / 'a.txt'}"], LINES) as source:
+        assert list(source) == []
+        assert source.summary()[0].startswith("30 lines left out as no reading")
+
+
 def test_a_movie_of_tekscan_is_refused_by_its_name(tmp_path):
     head = "DATA_TYPE MOVIE\nROWS 2\nCOLS 2\nSECONDS_PER_FRAME 0.01\nASCII_DATA @@\n"
     (tmp_path / "a.asf").write_text(head + "Frame 1\n1,B\n3,4\n\n" * 9 + "@@\n")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tactsim.core import InputError
 from tactsim.hardware.codecs.codec import CodecError, Frame
 from tactsim.hardware.codecs.pps_csv import read_table
-from tactsim.hardware.text_tables import thousands_mark
+from tactsim.hardware.text_tables import thousands_mark, unit_since_1970
 
 
 def table(title, times, separator=","):
@@ -108,3 +108,19 @@ def test_lines_with_a_failed_cell_are_left_out_and_counted(mark):
     assert [frame.split(", ")[0] for frame in frames if isinstance(frame, str)] == ["800", "1640"]
     assert max(frame.values.max() for frame in frames if not isinstance(frame, str)) == 559
     assert "2 of 60 lines have a failed cell" in remark
+
+
+@pytest.mark.parametrize("seconds", [1.0, 1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("step", [0.035, 4.2, 300.0])
+def test_times_since_1970_tell_their_unit_whatever_their_steps(seconds, step):
+    """A step of 4.2 s among stamps in s is none of 4.2 ms."""
+    times = (1.75e9 + step * np.arange(30)) / seconds
+    assert unit_since_1970(times) == seconds
+    found = frames_of(table("timestamp", [f"{time:.3f}" for time in times]))
+    assert found[-1].ticks == pytest.approx(29 * step, rel=1e-4)
+
+
+def test_counters_of_ms_and_us_are_no_times_since_1970():
+    assert unit_since_1970(1e6 + 20 * np.arange(30)) is None
+    assert unit_since_1970(1.2e9 + 10_000 * np.arange(30)) is None  # us, 20 minutes after it was switched on
+    assert unit_since_1970([1.75e9]) is None
