@@ -22,7 +22,8 @@ _WHO = ("protocol", "task", "run", "folder", "seed", "estimator", "budget")
 COLUMNS: dict[str, Sequence[str]] = {
     "readings": (
         *_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_low_mm", "error_high_mm",
-        "error_all_mm", "coverage_50", "coverage_90", "sharpness_mm", "bound_mm", "efficiency",
+        "error_all_mm", "coverage_50", "coverage_90", "coverage_90_worst", "rank_p", "nees", "sharpness_mm",
+        "bound_mm", "efficiency",
     ),
     "reliability": (*_WHO, "probability", "right", "estimates"),
     "pareto": (
@@ -135,7 +136,8 @@ def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
             columns = (
                 s["accuracy"], s["accuracy_low"], s["accuracy_high"],
                 s["error_mm"], *entry.error_band, s["error_all_mm"],
-                s["coverage_50"], s["coverage_90"], s["sharpness_mm"],
+                s["coverage_50"], s["coverage_90"], s["coverage_90_worst"], s["rank_p"], s["nees"],
+                s["sharpness_mm"],
                 entry.against_bound["bound_mm"], entry.against_bound["efficiency"],
             )  # fmt: skip
             for number, row in enumerate(zip(*columns, strict=True), start=1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ from tactsim.bench.runs.figures import (
     plain_log,
 )
 from tactsim.bench.runs.pooled import Group, Pooled
+from tactsim.bench.score import rank_band, ranks
 from tactsim.core.errors import counted
 from tactsim.core.files import write_bytes
 
@@ -100,6 +102,7 @@ def plots(group: Group, name: str) -> dict[str, Markup]:
     }
     if sure:
         found["held"] = (_draw_held, "Coverage of the 90 % regions against readings seen")
+        found["ranks"] = (_draw_ranks, "Distribution of the ranks of the truth, less an even one")
     if len(group.entries) > 1:
         if any(point.error is not None for point in points(group)):
             found["time"] = (_draw_time, "Computing time against placement error")
@@ -211,6 +214,25 @@ def _draw_held(axes: Axes, group: Group) -> None:
         draw_curve(axes, entry.summary["coverage_90"], **style)
     axes.set(ylim=(0, 1.02))
     _over_all_readings(axes, group)
+
+
+def _draw_ranks(axes: Axes, group: Group) -> None:
+    """Draw by how much more than an even share of the ranks, after the last reading, is below each rank.
+
+    Within the band lie ranks of beliefs that are right, everywhere at once, in 95 of 100 runs (`score.rank_band`).
+    """
+    fewest = math.inf
+    for entry, _, style in _curves(group):
+        found = ranks(entry.scored, entry.readings - 1)
+        if count := len(found):
+            fewest = min(fewest, count)
+            rank, share = np.repeat([0, *found, 1], 2), np.repeat(np.arange(count + 1) / count, 2)
+            axes.plot(rank[1:-1], share - rank[1:-1], lw=1.2, **style)
+    if fewest < math.inf:
+        band = rank_band(int(fewest))
+        axes.axhspan(-band, band, color=FRONTIER, alpha=0.25, lw=0)
+    axes.axhline(0, color=FRONTIER, lw=1.2, ls="--")
+    axes.set(xlim=(0, 1), xlabel="rank of the truth")
 
 
 def _draw_reliability(axes: Axes, group: Group) -> None:

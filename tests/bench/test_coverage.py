@@ -1,38 +1,46 @@
 """How sure a run is and may be: coverage by quarter, ranks of the truth, scores of probabilities.
 
-`independent` reads a run's folder with NumPy alone, and computes the same by other means.
+`independent` reads folders of runs with NumPy alone, in the plane or in space, and computes the same by other means:
+`python tests/bench/test_coverage.py RUN...` prints what docs/method.md shows of their trials together.
 """
 
 import csv
 import json
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from made_up import make_run
+from made_up_space import make_space_run
 
 from tactsim.bench.intervals import wilson
 from tactsim.bench.runs.pooled import figure_of, pool
 from tactsim.bench.score import Scored, rank_band, rank_p, worst_quarter
 
+SHOWN = "coverage_90", "coverage_90_worst", "rank_p", "sharpness_mm", "nees"
 SURE = 2.497705474412  # standard normal quantile of a two-sided interval of 98.75 %, from a table
 
 
-def independent(folder):
-    """Compute the figures of a run's folder by reading: a list of dicts."""
-    with (folder / "trials.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+def independent(*folders):
+    """Compute the figures of runs' folders, pooled, by reading: a list of dicts."""
+    rows = []
+    for folder in folders:
+        with (folder / "trials.csv").open(newline="") as file:
+            rows += csv.DictReader(file)
     found = []
-    for k in sorted({int(row["reading_number"]) for row in rows}):
-        at = [row for row in rows if int(row["reading_number"]) == k]
+    number = next(name for name in rows[0] if name.endswith("_number"))
+    for k in sorted({int(row[number]) for row in rows}):
+        at = [row for row in rows if int(row[number]) == k]
         right = np.array([row["label"] == row["truth"] for row in at])
-        p, p_truth, rank, radius = (
+        p, p_truth, rank, radius, nees = (
             np.array([float(row[name]) for row in at])
-            for name in ("p_label", "p_truth", "credibility", "radius_90")
+            for name in ("p_label", "p_truth", "credibility", "radius_90", "nees")
         )
         sure = right & ~np.isnan(rank)
-        rank, radius = rank[sure], radius[sure]
+        rank, radius, nees = rank[sure], radius[sure], nees[sure & ~np.isnan(nees)]
         n = len(rank)
         quarters = [rank[part] < 0.9 for part in np.array_split(np.argsort(radius, kind="stable"), 4)]
         ends = [interval(part.sum(), len(part)) for part in quarters] if n >= 4 else [(None, None)]
@@ -47,6 +55,9 @@ def independent(folder):
             {
                 "brier": float(np.mean((p - right) ** 2)),
                 "negative_log_likelihood": float(np.mean(-np.log(p_truth))),
+                "coverage_90": float(np.mean(rank < 0.9)) if n else None,
+                "sharpness_mm": float(np.mean(radius)) if n else None,
+                "nees": float(np.mean(nees)) if len(nees) else None,
                 "coverage_90_worst": float(min(part.mean() for part in quarters)) if n >= 4 else None,
                 "coverage_90_worst_low": min(low for low, _ in ends),
                 "coverage_90_worst_high": min(high for _, high in ends),
@@ -85,6 +96,20 @@ def test_an_independent_reading_of_the_folder_gives_the_same(tmp_path):
         for k, wanted in enumerate(independent(tmp_path / str(number))):
             for name, value in wanted.items():
                 assert summary[name][k] == pytest.approx(value, rel=1e-6, abs=1e-9), name
+
+
+def test_it_gives_the_same_of_objects_in_space_and_of_runs_together(tmp_path):
+    run = make_space_run(n=40)
+    summary = json.loads((run.save(tmp_path / "space") / "summary.json").read_text())
+    for k, wanted in enumerate(independent(tmp_path / "space")):
+        for name, value in wanted.items():
+            assert summary[name][k] == pytest.approx(value, rel=1e-6, abs=1e-9), name
+    runs = [replace(make_run(n=20, seed=seed), config=make_run().config | {"seed": seed}) for seed in (0, 1)]
+    folders = [run.save(tmp_path / f"seed-{run.seed}") for run in runs]
+    (one,) = pool(runs)
+    for k, wanted in enumerate(independent(*folders), start=1):
+        for name in SHOWN:
+            assert figure_of(one, f"{name}@{k}").value == pytest.approx(wanted[name], rel=1e-6), name
 
 
 def test_the_quarter_that_claims_to_be_surest_is_found():
@@ -128,3 +153,8 @@ def test_pooled_runs_have_intervals_over_scans_too():
     found = figure_of(one, "coverage_90_worst@1")
     assert found.low < found.value < found.high
     assert figure_of(one, "brier@1").value == pytest.approx(0.04)
+
+
+if __name__ == "__main__":
+    for reading, row in enumerate(independent(*map(Path, sys.argv[1:])), start=1):
+        print(reading, *(f"{name} {row[name]:.3f}" for name in SHOWN))

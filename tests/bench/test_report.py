@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up import make_run
+from matplotlib.figure import Figure
 from small_runs import make_run_in
 
 import tactsim
@@ -31,7 +32,7 @@ from tactsim.bench.report.curves import (
     reliability,
 )
 from tactsim.bench.report.page import page
-from tactsim.bench.report.picture import look, pareto_figure, plots, readings_figure
+from tactsim.bench.report.picture import _draw_ranks, look, pareto_figure, plots, readings_figure
 from tactsim.bench.report.write import find, write_pages, write_report
 from tactsim.bench.runs.naming import budget, method_name, task_name
 from tactsim.bench.runs.paper import in_figure
@@ -120,13 +121,38 @@ def test_curves_are_those_of_the_summary(runs, report):
         summary = results.load(place).summary
         rows = [row for row in rows_of(report.with_name("readings.csv")) if row["folder"] == str(place)]
         assert [int(row["reading"]) for row in rows] == [*range(1, 9)]
-        for name in ("accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_all_mm"):
+        for name in (
+            "accuracy",
+            "accuracy_low",
+            "accuracy_high",
+            "error_mm",
+            "error_all_mm",
+            "rank_p",
+            "nees",
+        ):
             wanted = ["" if value is None else repr(value) for value in summary[name]]
             assert [row[name] for row in rows] == wanted
     drawn = {run["folder"]: run for task in data_of(report)["protocols"][0]["tasks"] for run in task["runs"]}
     assert drawn[str(runs.small)]["accuracy"] == pytest.approx(
         results.load(runs.small).summary["accuracy"], rel=1e-5
     )
+
+
+def test_ranks_are_drawn_beside_the_band_that_the_test_of_them_asks_for(runs):
+    whole = results.load(runs.large)
+    found = whole.trials.credibility[whole.trials.sure[:, -1], -1]
+    narrow = replace(whole, trials=replace(whole.trials, credibility=whole.trials.credibility**0.05))
+    for one in (whole, narrow):
+        (group,) = collect([(runs.large, one)])
+        axes = Figure().subplots()
+        _draw_ranks(axes, group)
+        x, away = axes.lines[0].get_data()
+        low, high = axes.patches[0].get_y(), axes.patches[0].get_y() + axes.patches[0].get_height()
+        assert (np.abs(away).max() > high) == (one.summary["rank_p"][-1] < 0.05)
+        assert low == -high
+        assert len(x) == 2 * len(found) + 2
+        assert (away[0], away[-1]) == (0, 0)
+    assert one.summary["rank_p"][-1] < 0.05
 
 
 def test_the_reliability_diagram_counts_every_estimate(runs):
