@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tactsim.bench import kinds
 from tactsim.bench.config import EACH
 from tactsim.bench.kinds import Kind
-from tactsim.bench.trials import Trials
+from tactsim.bench.trials import NOT_TAKEN, Trials, sure_enough
 from tactsim.core import InputError, rigid
 from tactsim.core.documents import read_text
 from tactsim.core.errors import short
@@ -105,8 +105,13 @@ def columns(trials: Trials) -> Table:
     }
 
 
-def trials_of(table: Mapping[str, NDArray[Any]], hold_out: Sequence[str], kind: Kind) -> Trials:
-    """Put trials together from their columns. Raises InputError if rows are missing, or a value cannot be one."""
+def trials_of(
+    table: Mapping[str, NDArray[Any]], hold_out: Sequence[str], kind: Kind, stop_at: float | None
+) -> Trials:
+    """Put trials together from their columns. Raises InputError if rows are missing, or a value cannot be one.
+
+    stop_at: where trials ended (`TrialRules`), for kinds of run whose columns do not say which touches were taken.
+    """
     number = table[kind.number]
     table = {name: np.full(len(number), np.nan) for name in LATER} | dict(table)
     for name in (*kind.columns, *kind.time_columns):
@@ -136,6 +141,9 @@ def trials_of(table: Mapping[str, NDArray[Any]], hold_out: Sequence[str], kind: 
             found[name] = poses(begins[name])
         elif name == "reading" and name not in table:
             found[name] = (number - 1).reshape(shape)
+            if stop_at is not None:
+                sure = sure_enough(table["p_label"].reshape(shape)[:, :-1], stop_at)
+                found[name][:, 1:][np.logical_or.accumulate(sure, axis=1)] = NOT_TAKEN
         else:
             of = {"text": np.str_, "count": np.int64, "number": np.float64}[column(name).holds]
             found[name] = table[name].astype(of).reshape(shape)

@@ -163,6 +163,15 @@ def _noise(words: Any) -> Any:
 
 
 Noise = Annotated[str | float | None, BeforeValidator(_noise)]
+StopAt = Annotated[
+    float | None,
+    Field(
+        gt=0,
+        le=1,
+        description="End a trial as soon as the most probable label has this probability, e.g. 0.95. Default: all "
+        "touches are taken.",
+    ),
+]
 
 
 def _text_of_path(words: Any) -> Any:
@@ -335,13 +344,7 @@ class RunConfig(ScanWords):
         description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
         "proposed by the estimator (information) or in random order (blind).",
     )
-    stop_at: float | None = Field(
-        None,
-        gt=0,
-        le=1,
-        description="End a trial as soon as the most probable letter has this probability, e.g. 0.95. Default: all "
-        "touches are taken.",
-    )
+    stop_at: StopAt = None
     slip: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
         {},
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "

@@ -482,7 +482,7 @@ def load(path: str | Path) -> Run:
             times = columns.read_csv(folder / "times.csv", kind.time_columns)
             columns.same_rows("times.csv", times, table)
             table |= times
-        trials = columns.trials_of(table, config.hold_out, kind)
+        trials = columns.trials_of(table, config.hold_out, kind, about["config"].get("stop_at"))
         if (folder / "bounds.csv").is_file():
             bounds = columns.read_csv(folder / "bounds.csv", BOUND_COLUMNS)
             columns.same_rows("bounds.csv", bounds, table)

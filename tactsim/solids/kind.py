@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from tactsim.bench.config import Flags, Noise, as_paths, merged, nested, whole_number
+from tactsim.bench.config import Flags, Noise, StopAt, as_paths, merged, nested, whole_number
 from tactsim.bench.kinds import Gathered, Kind, Pages
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.figures import Picture
@@ -224,6 +224,7 @@ class SpaceConfig(SpaceWords):
     trials: int = Field(200, ge=1, le=1_000_000)
     touches: int = Field(20, ge=1, le=10_000, description="Touches a trial.")
     explore: Literal["random", "information"] = "random"
+    stop_at: StopAt = None
     hand: Path | None = Field(
         None, description="Several pads that touch at once, a hand file (.toml). Default: one pad."
     )
@@ -395,6 +396,7 @@ class Solids(Kind):
         assert isinstance(gathered.scan, SpaceScan)
         order = "touches from random sides" if config.explore == "random" else "touches chosen by information"
         protocol = f"objects in space, {order}" + (f", hand {config.hand.stem}" if config.hand else "")
+        protocol += f", stop at {config.stop_at:g}" if config.stop_at else ""
         return {"protocol": protocol, "taxel_points": gathered.scan.taxel_points.tolist()}, None
 
     def maps(self, estimator: Estimator) -> Mapping[str, Any]:

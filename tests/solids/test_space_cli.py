@@ -109,6 +109,18 @@ def test_an_estimator_that_chooses_is_offered_what_one_that_does_not_is():
     assert random.propose_s.sum() == 0
 
 
+def test_a_trial_ends_as_soon_as_it_is_sure(tmp_path):
+    words = {"estimator": "alike", "objects": "nut,egg", "trials": 2, "touches": 3, "scan_set": {"points": 8}}
+    whole, ended = perform(space_config(**words)), perform(space_config(**words, stop_at=0.3))
+    assert whole.trials.touches.tolist() == [3, 3]
+    assert ended.trials.touches.tolist() == [1, 1]
+    assert np.array_equal(ended.trials.pose[:, -1], whole.trials.pose[:, 0])
+    assert "stop at 0.3" in ended.protocol
+    again = load(ended.save(tmp_path / "ended"))
+    assert np.array_equal(again.trials.reading, ended.trials.reading)
+    assert again.summary == ended.summary
+
+
 def test_a_hand_gives_two_readings_a_touch():
     words = {"estimator": "alike", "objects": "nut,egg", "trials": 4, "touches": 3, "scan_set": {"points": 8}}
     run = perform(space_config(**words, hand="gripper"))
