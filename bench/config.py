@@ -122,6 +122,13 @@ class Flags:
     names: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Panel:
+    """Of a field: the group of options in which the help of a verb shows it, if that is not the first."""
+
+    title: str
+
+
 def flags_of(name: str, field: FieldInfo) -> tuple[str, ...]:
     """Name a field's option, such as --test-poses; nothing if the command line does not have it."""
     flags = [mark.names for mark in field.metadata if isinstance(mark, Flags)]
@@ -239,6 +246,9 @@ STILL = Slip()
 SLIPS: dict[str, dict[str, Any]] = {"slip": {"slip": {"walk_mm": 0.5, "walk_rad": 0.03}}}
 
 
+_TRIALS, _OTHERS = Panel("How a trial goes, and what is worked out of it"), Panel("Other readings")
+
+
 class ScanWords(BaseModel):
     """What is pressed: the long options of `bench scan`."""
 
@@ -252,15 +262,14 @@ class ScanWords(BaseModel):
     shapes: Annotated[tuple[Path, ...], BeforeValidator(as_paths), Flags(("--shape",))] = Field(
         (), description="A shape of your own beside the letters: STL, OBJ, GLB or SVG; repeat for several."
     )
-    test_poses: Literal["same", "random"] = Field(
+    test_poses: Annotated[Literal["same", "random"], _OTHERS] = Field(
         "random",
         description="Test readings at random poses within 12 mm, or at the training poses (same: as in the paper).",
     )
     world: str = Field(
         "default",
-        description="How good the data are: default, level, paper-like (rigid tilt), rough (placement error, random "
-        "classes), handheld (loads, tilt, response), resistive (cross-talk of an unguarded matrix), ideal, slip (the "
-        "object moves between touches), or a file of `bench validate`.",
+        description="How good the data are: default, level, paper-like, rough, handheld, resistive, ideal, slip "
+        "(`bench list worlds` says what each is), or a file of `bench validate`.",
     )
     pad: Annotated[str | None, BeforeValidator(_text_of_path), Flags(("--pad", "--device"))] = Field(
         None,
@@ -271,7 +280,7 @@ class ScanWords(BaseModel):
         None,
         description="Sensor noise, sd in kPa; 'off': no noise, resolution, saturation, placement error or tilt.",
     )
-    scan_set: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
+    scan_set: Annotated[dict[str, Any], BeforeValidator(nested), _OTHERS] = Field(
         {}, description="Any option of the scan, e.g. press.force=5; `bench list scan-options` names them."
     )
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of all randomness.")
@@ -330,7 +339,7 @@ class RunConfig(ScanWords):
     )
     particles: int | None = Field(None, ge=1, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
-    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out), OF_READINGS] = Field(
+    hold_out: Annotated[tuple[str, ...], BeforeValidator(_held_out), OF_READINGS, _TRIALS] = Field(
         (),
         description="Letters to try but not to train on, e.g. A,E: 'none' is then right (see `--set unknown`). each: "
         "in its own trials each letter is held out, the others are known.",
@@ -339,13 +348,13 @@ class RunConfig(ScanWords):
         10, description="Trials for each letter; all: each test press once, where nobody noted poses."
     )
     readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
-    explore: Literal["random", "information", "blind"] = Field(
+    explore: Annotated[Literal["random", "information", "blind"], _TRIALS] = Field(
         "random",
         description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "
         "proposed by the estimator (information) or in random order (blind).",
     )
-    stop_at: StopAt = None
-    slip: Annotated[dict[str, Any], BeforeValidator(nested)] = Field(
+    stop_at: Annotated[StopAt, _TRIALS] = None
+    slip: Annotated[dict[str, Any], BeforeValidator(nested), _TRIALS] = Field(
         {},
         description="How the object moves between touches, e.g. walk_mm=1; `bench list slip` names all. Default: "
         "as the world says.",
@@ -354,19 +363,19 @@ class RunConfig(ScanWords):
         None,
         description="Readings from a file instead of the press, or recording:NAME of a public one (`bench data`).",
     )
-    train_scan: Annotated[Path | None, OF_READINGS] = Field(
+    train_scan: Annotated[Path | None, OF_READINGS, _OTHERS] = Field(
         None, description="Training readings from another file (train on simulated, test on recorded)."
     )
-    train_presses: int | None = Field(
+    train_presses: Annotated[int | None, _OTHERS] = Field(
         None,
         ge=1,
         description="Learn from so many training presses of each letter, spread over it, and not from all.",
     )
-    presses: Annotated[Path | None, OF_READINGS] = Field(
+    presses: Annotated[Path | None, OF_READINGS, _OTHERS] = Field(
         None,
         description="Trials measured on a pad (--port), a folder: instead of a scan, each trial with its own presses.",
     )
-    bound: bool = Field(
+    bound: Annotated[bool, _TRIALS] = Field(
         False, description="Also work out the Cramer-Rao bound of the error; it takes as long as the presses."
     )
     given: Annotated[str | None, Flags(()), OF_READINGS] = Field(

@@ -32,7 +32,7 @@ from tactsim.bench.trials import (
     presses_with,
 )
 from tactsim.core import InputError, Scan
-from tactsim.core.errors import unknown
+from tactsim.core.errors import some, unknown
 from tactsim.core.origins import object_origin, seen_from
 from tactsim.core.pad import offsets
 from tactsim.core.poses import POSE, FloatArray
@@ -160,7 +160,7 @@ class Plane(Kind):
         if not scan.letters:
             raise InputError(f"{config.scan or 'the scan'} holds no readings")
         if not letters:
-            raise InputError(f"letters names none to try; the scan has {', '.join(scan.letters)}")
+            raise InputError(f"letters names none to try; the scan has {some(scan.letters)}")
         check_labels(letters)
         known = letters
         if train is not None and config.letters is None:  # what is tested may be fewer than what is known

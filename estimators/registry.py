@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from tactsim.core.checking import checked
-from tactsim.core.errors import InputError, short
+from tactsim.core.errors import InputError, short, some
 from tactsim.core.plug_ins import Registry
 from tactsim.estimators.estimator import Estimator, Options, no_exit
 from tactsim.estimators.likelihoods.likelihood import kind_of
@@ -130,7 +130,7 @@ def options_of(name: str, given: Mapping[str, Any] | None = None) -> type[Option
 def load(name: str) -> type[Estimator]:
     """Import the class of that name. Raises InputError if there is none or it is no Estimator."""
     if not isinstance(name, str):
-        raise InputError(f"estimator {short(name)}: give a name, one of {', '.join(names())}")
+        raise InputError(f"estimator {short(name)}: give a name, one of {some(names())}")
     if name in _GIVEN_UP and name not in names():
         raise InputError(f"estimator {name} is no longer built in: {_GIVEN_UP[name]}")
     return cast("type[Estimator]", _ESTIMATORS.load(name))

@@ -85,11 +85,33 @@ class _Verbs(TyperGroup):
         return name, command and load(str(name)), rest
 
 
+_MANY = 30  # options, of a verb whose help shows the first group alone
+
+
 class _Verb(TyperCommand):
     """A verb, of whose options only lists may be given more than once."""
 
+    whole = False  # whether its help shows every group
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Show the options; of a verb that has many, the first group in a sentence each, the others by name."""
+        groups: dict[str, list[str]] = {}
+        if len(self.params) > _MANY and not self.whole:
+            for one in self.params:
+                if panel := getattr(one, "rich_help_panel", None):
+                    groups.setdefault(panel, []).append(one.opts[0])
+                    one.hidden = True  # type: ignore[attr-defined]
+                one.help = (one.help or "").partition(". ")[0].partition("; ")[0]  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+        for panel, names in groups.items():
+            typer.echo(f" {panel}:\n   {' '.join(names)}")
+        if groups:
+            typer.echo(f" All of them: {ctx.command_path} --help-all")
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words after the verb. Raises InputError for an option whose last value would replace another."""
+        if "--help-all" in args:
+            self.whole, args = True, ["--help"]
         *_, given = self.make_parser(ctx).parse_args(args=list(args))
         for one in given:
             if given.count(one) > 1 and not getattr(one, "multiple", True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -73,7 +74,13 @@ def command_list(
                 console.print(f"({_MORE[section]})")
             # A name in two pieces cannot be copied; the letters are one long row.
             names = section not in ("letters", "solids")
-            console.print(plain_grid([("  " + row[0], *row[1:]) for row in lines], names=names))
+            groups = groupby(lines, lambda row: row[0].rpartition(".")[0])
+            for group, alike in (
+                groups if section in ("scan-options", "solid-options") else [("", iter(lines))]
+            ):
+                if group:
+                    console.print(f"\n  {group}", style="bold")
+                console.print(plain_grid([("  " + row[0], *row[1:]) for row in alike], names=names))
 
 
 def _estimators() -> list[Row]:

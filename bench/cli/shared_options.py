@@ -14,7 +14,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tactsim.bench.config import flags_of, flat, key_values
+from tactsim.bench.config import Panel, flags_of, flat, key_values
 from tactsim.core.errors import InputError, short
 
 if TYPE_CHECKING:
@@ -71,11 +71,19 @@ ScanSet = Annotated[
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 
-Jobs = Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on their number.")]
+_COST = "What it may cost"
+Jobs = Annotated[
+    int,
+    typer.Option(min=1, rich_help_panel=_COST, help="Processes; the results do not depend on their number."),
+]
 
 Cache = Annotated[
     bool,
-    typer.Option("--cache/--no-cache", help="Take pressed readings from the cache, and keep them there."),
+    typer.Option(
+        "--cache/--no-cache",
+        rich_help_panel=_COST,
+        help="Take pressed readings from the cache, and keep them there.",
+    ),
 ]
 
 AsJson = Annotated[
@@ -217,8 +225,13 @@ def with_options_of(
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     """Make a field's option: it takes a count, a path, a list if it repeats, or else a text."""
     default = field.default if isinstance(field.default, str | int) else None
-    option = typer.Option(*flags_of(name, field), help=field.description, show_default=default is not None)
+    panel = next((mark.title for mark in field.metadata if isinstance(mark, Panel)), None)
     kind: Any = field.annotation
+    metavar = "NAME=VALUE" if get_origin(kind) is dict else "FILE" if kind == tuple[Path, ...] else None
+    option = typer.Option(
+        *flags_of(name, field), help=field.description, show_default=default is not None, metavar=metavar,
+        rich_help_panel=panel,
+    )  # fmt: skip
     if kind == tuple[Path, ...]:
         kind = list[Path] | None
     elif get_origin(kind) is dict:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core import InputError, Pad, Scan
+from tactsim.core.errors import some
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 from tactsim.hardware.recording import SUFFIX
@@ -79,7 +80,7 @@ def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
     """
     for one in letters or ():
         if one not in scan.letters:
-            raise InputError(f"no reading is of the letter {one!r}; the labels are {', '.join(scan.letters)}")
+            raise InputError(f"no reading is of the letter {one!r}; the labels are {some(scan.letters)}")
     called = set(names()) if letters is None else set(letters)
     objects = {label: object_facts(letter(label)) for label in scan.letters if label in called}
     return replace(scan, meta={**scan.meta, "objects": objects})
@@ -96,7 +97,7 @@ def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
     known = scan.meta.get("objects", {})
     for name in shapes:
         if name not in scan.letters:
-            raise InputError(f"no reading is of the shape {name!r}; the labels are {', '.join(scan.letters)}")
+            raise InputError(f"no reading is of the shape {name!r}; the labels are {some(scan.letters)}")
         if name in known:
             raise InputError(f"{name!r} is a shape and, by --letters, one of the catalogue; leave one out")
     objects = {**known, **{name: object_facts(of) for name, of in shapes.items()}}

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidatorFunctionWrapHandler, field_validator
 
-from tactsim.core.errors import InputError, short, unknown
+from tactsim.core.errors import InputError, short, some, unknown
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -113,7 +113,7 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     if fault["type"] == "extra_forbidden":
         return str(unknown("option", _whole_name(place, fault["input"]), _options(model)))
     if fault["type"] == "model_type" and (inner := _below(place, model)):
-        return f"{place} is a group of options, got {short(fault['input'])}; give one of {', '.join(inner)}"
+        return f"{place} is a group of options, got {short(fault['input'])}; give one of {some(inner)}"
     message = plain(fault)
     if fault["type"] == "value_error" and not place:
         return message  # of several options together: it names them

@@ -23,6 +23,7 @@ class InputError(ValueError):
         return message if len(message) <= _LONGEST_LINE else f"{message[:_LONGEST_LINE]} ..."
 
 
+_CANDIDATES = 8  # at most, that an error names
 _LONGEST = 100  # characters of an unknown name that are compared with the known names
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
@@ -54,7 +55,8 @@ def printable(text: str) -> str:
 def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
     """Build the error for an unknown name; it suggests the closest known name, if one is close.
 
-    name: whatever was given; it may be no text at all. known: each is named once, however often it is given.
+    name: whatever was given; it may be no text at all. known: each is named once, however often it is given; of more
+    than eight the nearest by spelling.
     """
     names = sorted(set(known))
     close: list[str] = []
@@ -64,7 +66,19 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
         close = close or difflib.get_close_matches(name[:_LONGEST], names, n=1)
         close = close or [parts[part] for part in difflib.get_close_matches(name[:_LONGEST], parts, n=1)]
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return InputError(f"unknown {what} {short(name)}: {hint}known are {', '.join(names) or 'none'}")
+    text = name[:_LONGEST] if isinstance(name, str) else ""
+    nearest = difflib.get_close_matches(text, names, n=len(names) or 1, cutoff=0)
+    return InputError(
+        f"unknown {what} {short(name)}: {hint}known are "
+        + some([*sorted(nearest[:_CANDIDATES]), *nearest[_CANDIDATES:]])
+    )
+
+
+def some(names: Iterable[str]) -> str:
+    """List names for an error: eight at most, and how many more there are."""
+    listed = list(names)
+    more = f" and {len(listed) - _CANDIDATES} more" if len(listed) > _CANDIDATES else ""
+    return f"{', '.join(listed[:_CANDIDATES]) or 'none'}{more}"
 
 
 def was_interrupt(error: SystemError) -> bool:

@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, some
 from tactsim.core.files import opened, replacing
 
 LARGEST = 1 << 30  # bytes that all arrays of a file may claim: 100,000 readings of 1,000 taxels fit
@@ -30,7 +30,7 @@ class MissingArrayError(InputError):
 
     def __init__(self, name: str, there: Mapping[str, Any]) -> None:
         self.name, self.there = name, dict(sorted(there.items()))
-        super().__init__(f"it has no array {name!r}; it has {', '.join(map(repr, self.there))}")
+        super().__init__(f"it has no array {name!r}; it has {some(map(repr, self.there))}")
 
     def __reduce__(self) -> tuple[type[MissingArrayError], tuple[str, dict[str, Any]]]:
         """Let it be sent to another process."""

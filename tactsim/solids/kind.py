@@ -23,7 +23,7 @@ from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, TrialRule
 from tactsim.core import rigid
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_toml
-from tactsim.core.errors import InputError, counted
+from tactsim.core.errors import InputError, counted, some
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
@@ -356,7 +356,7 @@ class Solids(Kind):
         for name in names:
             if name not in trained:
                 raise InputError(
-                    f"--scan {config.scan} holds no training readings of {name}; it has {', '.join(trained)}"
+                    f"--scan {config.scan} holds no training readings of {name}; it has {some(trained)}"
                 )
         for solid in solids[len(config.scan_options.objects) :]:  # those of files
             if had_another_shape(scan.meta, solid.name, solid.digest):

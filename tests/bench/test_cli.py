@@ -42,6 +42,15 @@ def test_an_option_that_is_no_list_is_given_once(here):
     refused(here("run", "--set", "a=1", "--set", "b=2", "--estimator", "histgram"), "histgram")
 
 
+def test_the_help_of_a_run_fits_a_screen_and_the_rest_is_a_word_away(here, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    short, whole = (here("run", word).stdout for word in ("--help", "--help-all"))
+    assert len(short.splitlines()) <= 60
+    options = {one.opts[0] for one in load("run").params if one.opts[0].startswith("--")}
+    assert {word for word in options if word not in short} == set()
+    assert "spread over it" in " ".join(whole.split())
+
+
 def test_one_known_letter_alone_is_no_recognition(here):
     said = here("run", *SMALL, "--letters", "A", "--out", "alone").stdout
     assert "nothing to tell apart: A is the only letter that is known\n" in said

@@ -114,6 +114,14 @@ def test_a_strangers_text_is_made_harmless():
     assert str(unknown("option", "x", [])) == "unknown option 'x': known are none"
 
 
+def test_of_many_names_an_error_lists_the_eight_nearest():
+    names = [f"far-{number}" for number in range(20)] + ["near"]
+    said = str(unknown("word", "nearer", names))
+    assert "did you mean 'near'? known are " in said
+    assert said.endswith(" and 13 more")
+    assert said.count(",") == 7
+
+
 class Wanted(BaseModel):
     size: float = Field(alias="is", description="mm")
     inner: tuple[Inner, ...]

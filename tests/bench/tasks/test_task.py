@@ -147,7 +147,7 @@ def test_touches_that_may_be_chosen_may_be_taken_blindly():
 
 @pytest.mark.parametrize("name", ["letters-v9", "../tasks/letters-v1"])
 def test_an_unknown_task_is_refused_with_those_there_are(name):
-    with pytest.raises(InputError, match=r"unknown task .*known are FILE\.toml, active-v1"):
+    with pytest.raises(InputError, match=r"unknown task .*known are .*letters-v1.* and \d+ more$"):
         task(name)
     with pytest.raises(
         InputError, match=r"^task 'solids' is of objects in space.*: bench run --task solids$"
