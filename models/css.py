@@ -14,6 +14,7 @@ from tinycss2.color4 import parse_color
 from tactsim.core.errors import InputError, short
 
 SVG = "{http://www.w3.org/2000/svg}"
+_XHTML = "{http://www.w3.org/1999/xhtml}"  # whose sheets count in a drawing, too
 
 Style = dict[str, str]
 Rgb = tuple[int, int, int]
@@ -29,15 +30,21 @@ _OWN = {
     "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "mask-type": "luminance",
     "filter": "none", "transform": "none", "transform-origin": "0 0", "transform-box": "view-box",
     "translate": "none", "rotate": "none", "scale": "none", "overflow": "hidden", "stop-color": "black",
-    "stop-opacity": "1", "mix-blend-mode": "normal",
+    "stop-opacity": "1", "mix-blend-mode": "normal", "d": "none",
 }  # fmt: skip
-# Lengths are properties too, since SVG 2.
-_PROPERTIES = {*_INHERITED, *_OWN, "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "font-size"}
+# Lengths are properties too, since SVG 2. Sizes have no sign.
+_SIZES = {"r", "rx", "ry", "width", "height"}
+_LENGTHS = {"x", "y", "cx", "cy", *_SIZES}
+_PROPERTIES = {*_INHERITED, *_OWN, *_LENGTHS, "font-size"}
+_OF_ALL = ("inherit", "initial", "unset", "revert")  # values of every property
+_PATH = re.compile(r"\s*([Mm][MmZzLlHhVvCcSsQqTtAaEe\d\s,.+-]*)?")
 # What a transform is in an attribute: a number there has no unit, unlike in a style.
 _TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)[\s,]*)*")
 # Media for which rules count, and those for which they do not: a drawing is read as on a bright screen.
 _SHOWN = re.compile(r"(only )?(all|screen)?( and )?(\(prefers-color-scheme: ?light\))?")
 _NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-scheme: ?dark\)).*|not all")
+_OF_PLACES = ("translate", "rotate", "skew")  # transforms of lengths and angles
+ELSEWHERE = "it takes a style sheet from elsewhere"
 _CONDITIONS = ("media", "supports", "layer", "container", "scope")
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
 _MOST_VARIABLES = 8  # that stand for one another
@@ -53,21 +60,29 @@ class Paint(NamedTuple):
 def declarations(root: Element) -> dict[Element, Style]:
     """Collect what is declared of each element, the strongest of each property: attributes, sheets, its own style."""
     matcher = Matcher()
-    for element in root.iter(f"{SVG}style"):
-        if element.get("type", "text/css") in ("", "text/css"):
+    for element in root.iter():
+        if element.tag == f"{_XHTML}link" and "stylesheet" in element.get("rel", "").lower().split():
+            raise InputError(f"{ELSEWHERE}, <link>: put that into a <style>")
+        if element.tag in (f"{SVG}style", f"{_XHTML}style") and element.get("type", "").lower() in (
+            "",
+            "text/css",
+        ):
             sheet = tinycss2.parse_stylesheet("".join(element.itertext()), True, True)
-            for selector, rules in _if_shown("media", element.get("media", ""), _selected(sheet)):
+            shown = _if_shown("media", element.get("media", ""), _selected(sheet, _namespaces(sheet)))
+            for selector, rules in shown:
                 matcher.add_selector(selector, rules)
     declared = {}
     for wrapped in ElementWrapper.from_xml_root(root).iter_subtree():
         element = wrapped.etree_element
         rules = [rule for *_, pseudo, rules in matcher.match(wrapped) if pseudo is None for rule in rules]
-        own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", ""))))
+        own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", "")), in_sheet=False))
         values = {name: value.strip() for name, value in element.attrib.items()}
         for name in _PROPERTIES & values.keys():
             wrong = name == "transform" and not _TRANSFORM.fullmatch(values[name])
             if "var(" not in values[name] and (wrong or not _is_valid(name, values[name])):
                 del values[name]
+        if values.get("d", "none") != "none":
+            values["d"] = f'path("{values["d"]}")'  # as a style says it
         for important in (False, True):
             values |= {name: value for name, value, strong in rules + own if strong is important}
         declared[element] = values
@@ -127,24 +142,47 @@ def color(text: str, style: Style) -> Paint | None:
     return Paint((red, green, blue), parsed.alpha)
 
 
-def _selected(rules: list[Any], around: str = "") -> Iterator[_Selected]:
+def _namespaces(sheet: list[Any]) -> dict[str | None, str]:
+    """Read the names that a sheet gives to namespaces, None for its default. Raises InputError for another sheet."""
+    names: dict[str | None, str] = {}
+    for rule in sheet:
+        if rule.type != "at-rule" or rule.lower_at_keyword not in ("charset", "import", "layer", "namespace"):
+            break
+        words = [token for token in rule.prelude if token.type not in ("whitespace", "comment")]
+        link = (
+            words[-1].value
+            if words and words[-1].type == "string"
+            else url_in(tinycss2.serialize(words[-1:]))[0]
+        )
+        if rule.lower_at_keyword == "import" and "font" not in (
+            text := tinycss2.serialize(rule.prelude).lower()
+        ):
+            raise InputError(f"{ELSEWHERE}, @import {short(text.strip())}: put that into a <style>")
+        if rule.lower_at_keyword == "namespace" and link is not None:
+            names[words[0].value if words[0].type == "ident" else None] = link
+    if names.get(None, SVG[1:-1]) != SVG[1:-1]:
+        raise InputError(f"the @namespace of its style sheet is {short(names[None])}, not SVG's: take it out")
+    return names
+
+
+def _selected(rules: list[Any], namespaces: dict[str | None, str], around: str = "") -> Iterator[_Selected]:
     """Give each selector of a sheet, or of what a rule with the selectors `around` nests, and what it declares."""
     for rule in rules:
         if rule.type == "at-rule" and rule.lower_at_keyword in _CONDITIONS and rule.content is not None:
-            inner = _selected(tinycss2.parse_rule_list(rule.content, True, True), around)
+            inner = _selected(tinycss2.parse_rule_list(rule.content, True, True), namespaces, around)
             yield from _if_shown(rule.lower_at_keyword, tinycss2.serialize(rule.prelude), inner)
         elif rule.type == "qualified-rule":
             text = tinycss2.serialize(rule.prelude)
             if around:
                 text = (text if "&" in text else f"& {text}").replace("&", f":is({around})")
             try:
-                selectors = compile_selector_list(text)
+                selectors = compile_selector_list(text, namespaces)
             except SelectorError:
                 continue  # as a renderer does with a selector that it does not know
             content = tinycss2.parse_blocks_contents(rule.content, True, True)
             declared = list(_rules(content))
             yield from ((selector, declared) for selector in selectors if declared)
-            yield from _selected(content, text)
+            yield from _selected(content, namespaces, text)
 
 
 def _if_shown(keyword: str, condition: str, selected: Iterator[_Selected]) -> Iterator[_Selected]:
@@ -157,14 +195,47 @@ def _if_shown(keyword: str, condition: str, selected: Iterator[_Selected]) -> It
         raise InputError(f"its style sheet shows something else under {what}: take that rule out")
 
 
-def _rules(content: list[Any]) -> Iterator[tuple[str, str, bool]]:
+def _rules(content: list[Any], in_sheet: bool = True) -> Iterator[tuple[str, str, bool]]:
     """Give the declarations that an outline depends on: name, value and whether it is important."""
     for part in content:
         if part.type == "declaration" and (part.lower_name in _PROPERTIES or part.name.startswith("--")):
             name = part.name if part.name.startswith("--") else part.lower_name
             value = tinycss2.serialize(part.value).strip()
-            if "var(" in value or _is_valid(name, value):
+            if "var(" in value or (_is_valid(name, value) and _has_units(name, part.value, in_sheet)):
                 yield name, value, part.important
+
+
+def _has_units(name: str, value: list[Any], in_sheet: bool) -> bool:
+    """Tell whether a length, an angle or an outline counts that a style declares, where an attribute would be laxer.
+
+    As browsers do: widths and heights in a sheet need a unit unless they are 0, and so do arguments of transforms; a
+    size has no sign.
+    """
+    tokens = [token for token in value if token.type not in ("whitespace", "comment")]
+    if not tokens:
+        return False
+    if name in _LENGTHS:
+        if len(tokens) != 1 or tokens[0].type not in ("number", "dimension", "percentage"):
+            words = [token.lower_value for token in tokens if token.type == "ident"]
+            return {*words} <= {"auto", *_OF_ALL} and len(words) + any(
+                t.type == "function" for t in tokens
+            ) == 1
+        bare = in_sheet and name in ("width", "height") and tokens[0].type == "number" and tokens[0].value
+        return not bare and (name not in _SIZES or tokens[0].value >= 0)
+    if name == "d" and tokens[0].type == "function":
+        inner = [token for token in tokens[0].arguments if token.type not in ("whitespace", "comment")]
+        text = len(tokens) == len(inner) == 1 and tokens[0].lower_name == "path" and inner[0].type == "string"
+        return text and _PATH.fullmatch(inner[0].value) is not None
+    if name == "d":
+        return len(tokens) == 1 and tokens[0].type == "ident" and tokens[0].lower_value in ("none", *_OF_ALL)
+    if name == "transform":
+        tokens = [
+            part for token in tokens if token.type == "function" and token.lower_name.startswith(_OF_PLACES)
+            for part in token.arguments
+        ]  # fmt: skip
+    elif name != "transform-origin":
+        return True
+    return not any(token.type == "number" and token.value for token in tokens)
 
 
 def _is_valid(name: str, value: str) -> bool:

@@ -29,7 +29,7 @@ from svg.path import Linear, Move
 
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
-from tactsim.models.css import SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
+from tactsim.models.css import ELSEWHERE, SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
 
 FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
 LARGEST_FLATTENING = 0.002  # mm
@@ -133,6 +133,8 @@ def filled_region(content: bytes) -> Drawing:
         raise InputError(f"not an SVG drawing: {error}") from error
     if root.tag != f"{SVG}svg":
         raise InputError(f'its root is <{short(root.tag)}>, not <svg xmlns="{SVG[1:-1]}">')
+    if re.search(rb"<\?xml-stylesheet\s", re.sub(rb"<!--.*?-->|<svg.*", b"", content, flags=re.DOTALL)):
+        raise InputError(f"{ELSEWHERE}, <?xml-stylesheet>: put that into a <style>")
     try:
         with np.errstate(all="ignore"):
             return _Reader(root).read()
@@ -264,7 +266,8 @@ class _Reader:
     def _region(self, element: Element, here: _Context, rule: str) -> CrossSection:
         """Flatten a shape's outlines, each of which is closed, and give the region within, clipped, mm."""
         contours, before = [], self.chords
-        for part in _subpaths(_path_data(element.tag.removeprefix(SVG), self.declared[element], here.view)):
+        declared = self.declared[element] | {"d": here.style["d"]}
+        for part in _subpaths(_path_data(element.tag.removeprefix(SVG), declared, here.view)):
             contours.append(_chords(part, here.matrix, self.flattening))
             self.chords += len(contours[-1])
             if self.chords > min(MOST_CHORDS, before + MOST_IN_OUTLINE):
@@ -606,7 +609,10 @@ def _is_shown(element: Element) -> bool:
 def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> str:
     """Write a shape as path data, in user units; empty if it has no size."""
     if tag == "path":
-        return declared.get("d", "").removeprefix("none")
+        if declared["d"] == "none" or "\\" not in declared["d"]:
+            return declared["d"].removeprefix("none")[len('path("') : -len('")')]
+        function: Any = tinycss2.parse_one_component_value(declared["d"])  # with escapes, as of line ends
+        return str(next(token.value for token in function.arguments if token.type == "string"))
     if tag in ("polygon", "polyline"):
         return f"M{declared['points']}z" if declared.get("points") else ""
 

@@ -394,3 +394,77 @@ def test_squares_that_touch_at_corners_are_parted(tmp_path):
         assert len(shape.parts) == 12
         assert shape.area == pytest.approx(12 * 9, abs=2e-3)
         assert shape.symmetry == 4
+
+
+XHTML, NAMED = 'xmlns="http://www.w3.org/1999/xhtml"', "@namespace s url(http://www.w3.org/2000/svg);"
+OVER, PATH = f'<rect class="f" {RECT}/>{L}', "path('M4 2h6v18h10v6h-16z')"
+SQUARE = '<path class="f" d="M0 0h28v28h-28z"/>'
+SHEETS = [  # areas, mm^2, as Chromium draws them
+    (f"<style {XHTML}>.f{{fill:none}}</style>{OVER}", 204),
+    (f"<style {XHTML}><![CDATA[.f{{fill:none}}]]></style>{OVER}", 204),
+    (f"<defs><h:style xmlns:h={XHTML[6:]}>.f{{fill:none}}</h:style></defs>{OVER}", 204),
+    (f"<style {XHTML} type='TEXT/CSS'>.f{{fill:none}}</style>{OVER}", 204),
+    (f"<style {XHTML} type='text/less'>.f{{fill:none}}</style>{OVER}", 784),
+    (f"<style xmlns='http://example.org/'>.f{{fill:none}}</style>{OVER}", 784),
+    (f"<style>.f{{fill:none}}</style><style {XHTML}>.f{{fill:red}}</style>{OVER}", 784),
+    (f"<style {XHTML}>.f{{fill:red}}</style><style>.f{{fill:none}}</style>{OVER}", 204),
+    (f"<style>{NAMED} s|rect{{fill:none}}</style>{OVER}", 204),
+    (f"<style>@NAMESPACE s 'http://www.w3.org/2000/svg'; s|*.f{{fill:none}}</style>{OVER}", 204),
+    (f"<style>@charset 'utf-8'; @namespace 'http://www.w3.org/2000/svg'; rect{{fill:none}}</style>{OVER}", 204),
+    (f"<style>{NAMED} @media screen{{:not(s|path):not(s|svg){{fill:none}}}}</style>{OVER}", 204),
+    (f"<style>{NAMED} s|svg{{s|rect{{fill:none}}}}</style>{OVER}", 204),
+    (f"<style>@namespace x url(http://example.org/); x|rect{{fill:none}}</style>{OVER}", 784),
+    (f"<style>path{{}} {NAMED} s|rect{{fill:none}}</style>{OVER}", 784),
+    (f"<style>{NAMED}</style><style>s|rect{{fill:none}}</style>{OVER}", 784),
+    (f"<style>|rect{{fill:none}}</style>{OVER}", 784),
+    (f"<style>@import url(https://fonts.example.org/css?family=X); .f{{fill:none}}</style>{OVER}", 204),
+    (f"<style>.f{{d:none}}</style>{SQUARE}{L}", 204),
+    (f"<style>.f{{d:initial}}</style>{SQUARE}{L}", 204),
+    (f'<style>.f{{d:path("")}}</style>{SQUARE}{L}', 204),
+    (f"<style>.f{{d:{PATH}}}</style>{SQUARE}", 204),
+    (f"<style>.f{{d:{PATH}}}</style><path class='f'/>", 204),
+    (f"<style>:root{{--p:{PATH}}}.f{{d:var(--p)}}</style>{SQUARE}", 204),
+    (f"<style>g{{d:{PATH}}}.f{{d:inherit}}</style><g>{SQUARE}</g>", 204),
+    ("<style>path{d:path('M4 2h6v18\\a h10v6h-16z')}</style><path d='M0 0h9v9z'/>", 204),
+    (f'<path style="d:{PATH}" d="M0 0h28v28h-28z"/>', 204),
+    (f'<style>path{{d:none!important}}</style><path style="d:{PATH}" d="M0 0h9v9z"/><rect width="9" height="9"/>', 81),
+    (f"<style>.f{{d:path(evenodd,{PATH[5:]}}}</style>{SQUARE}", 784),
+    (f"<style>.f{{d:{PATH[5:-1]}}}</style>{SQUARE}", 784),
+    (f"<style>.f{{d:path('M4 2h6v18h10v6h-16z X')}}</style>{SQUARE}", 784),
+    ("<style>#c path{d:path('M0 0h5v5h-5z')}</style><clipPath id='c'><path d='M0 0h20v20h-20z'/></clipPath>"
+     f"<rect clip-path='url(#c)' {RECT}/>", 25),
+    ("<style>rect{width:10}</style><rect width='28' height='28'/>", 784),
+    ("<style>rect{width:10px}</style><rect width='28' height='28'/>", 280),
+    ("<style>rect{width:5px;width:8}</style><rect width='10' height='10'/>", 50),
+    ("<style>rect{x:25}</style><rect width='10' height='10'/>", 50),
+    ("<rect style='width:10' width='28' height='28'/>", 280),
+    ("<rect style='width:-3px' width='10' height='10'/>", 100),
+    ("<rect style='width:foo' width='10' height='10'/>", 100),
+    ("<rect style='transform:translate(25,0)' width='10' height='10'/>", 100),
+    ("<rect style='transform:translate(25px,0)' width='10' height='10'/>", 50),
+    ("<style>rect{transform:rotate(180)}</style><rect width='10' height='10'/>", 100),
+    ("<style>rect{transform:scale(1.5,.5)}</style><rect width='10' height='10'/>", 75),
+    (f"<rect style='transform:rotate(180deg);transform-origin:10 10' width='10' height='10'/>{L}", 204),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "area"), SHEETS)
+def test_all_of_a_sheet_counts_as_browsers_read_it(tmp_path, body, area):
+    """Resvg knows neither namespaces nor outlines in sheets."""
+    assert filled_region(drawing(body).encode()).region.area() == pytest.approx(area, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("before", "body", "reason"),
+    [
+        ("", f"<style>@import 'a.css'; .f{{fill:none}}</style>{OVER}", "from elsewhere, @import"),
+        ("", f"<link {XHTML} rel='stylesheet' href='a.css'/>{OVER}", "from elsewhere, <link>"),
+        ("<!-- --><?xml-stylesheet href='a.css'?>", OVER, r"from elsewhere, <\?xml-stylesheet>"),
+        ("", f"<style>@namespace 'http://www.w3.org/1999/xhtml'; .f{{fill:none}}</style>{OVER}", "not SVG's"),
+        ("", f"<rect style='width:calc(5px + 5px)' {RECT}/>", r"its width is 'calc\(5px"),
+    ],
+)
+def test_a_sheet_that_is_not_there_is_refused(before, body, reason):
+    with pytest.raises(InputError, match=reason):
+        filled_region((before + drawing(body)).encode())
+    filled_region((f"<!-- {before.replace('--', '')} -->" + drawing(OVER)).encode())
