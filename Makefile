@@ -85,11 +85,11 @@ bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at
 	@$(BIN)/python tests/benchmarks/check.py $(BASE)
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses faulty by-hand
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
-	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md docs/tasks.md
+	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/page_performance.py docs/performance.md
 
 tutorials: $(DOCS)  ## run the tutorials, and keep in the notebooks what they print and show

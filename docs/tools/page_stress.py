@@ -1,4 +1,4 @@
-"""Fill the table of a page with the worst that every case found: `python docs/tools/page_stress.py PAGE`.
+"""Fill the line of a page that says that every case keeps to its limit: `python docs/tools/page_stress.py PAGE`.
 
 What stands between two comments is replaced:
 
@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from page_blocks import asked_for, fill_blocks, fill_one
 
 from tactsim.bench.machine import machine, versions
-from tactsim.bench.runs.tables import markdown_table
 from tactsim.bench.stress import cases, run_cases
 from tactsim.bench.stress.case import Outcome
 from tactsim.bench.terminal import progress_bars
@@ -25,21 +24,19 @@ _ALL = "all cases"
 
 
 def check(text: str) -> None:
-    """Raise InputError unless a page has one table with an end, and asks for all cases."""
+    """Raise InputError unless a page has one such line with an end, and asks for all cases."""
     found = asked_for(text, "stress")
     if found != [_ALL]:
         raise InputError(f"it lacks `<!-- stress: {_ALL} -->`, or has several")
 
 
 def fill(text: str, outcomes: Sequence[Outcome]) -> str:
-    """Replace the table of a page by outcomes. Raises InputError, naming a case, if one does not keep to its limit."""
+    """Say on a page that no case failed. Raises InputError, naming a case, if one does not keep to its limit."""
     check(text)
-    rows = [["case", "worst", "limit"]]
     for one in outcomes:
         case = one.case
         if not one.passed:
             raise InputError(f"the case {case.name} fails at {one.at}: see `bench stress --case {case.name}`")
-        rows.append([f"`{case.name}`", f"{one.worst:.2g}", f"≤ {case.limit:g}"])
     minutes = sum(one.seconds for one in outcomes) / 60
     known, on = versions(), machine()
     libraries = f"Python {known['python']}, NumPy {known['numpy']}, MuJoCo {known['mujoco']}"
@@ -47,7 +44,7 @@ def fill(text: str, outcomes: Sequence[Outcome]) -> str:
         f"*`make stress`: {len(outcomes)} cases in {minutes:.0f} minutes, none failed; {libraries}, {on['cores']} cores"
         f" of {on['processor']}; commit {short_commit(git_commit())}.*"
     )
-    return fill_blocks(text, "stress", lambda _: f"{markdown_table(rows)}\n{origin}\n")
+    return fill_blocks(text, "stress", lambda _: f"{origin}\n")
 
 
 def _fill_anew(text: str) -> str:
