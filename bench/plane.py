@@ -140,7 +140,7 @@ class Plane(Kind):
         elif config.scan is not None:
             scan = load_scan(config.scan, config.seed)
         elif config.presses is not None:
-            from tactsim.bench.pad.measured import measured_scan
+            from tactsim.bench.pad import measured_scan
 
             assert train is not None  # as a configuration with presses has it
             letters = chosen_letters(config, train.letters)
@@ -410,7 +410,7 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
 
 def _error_of_default() -> str:
     """Say how exactly the default estimator places the paper's letters, pressed as by default."""
-    from tactsim.bench.leaderboard.best_known import best_known
+    from tactsim.bench.leaderboard import best_known
 
     task = "letters-offgrid-v1"
     best = best_known().get(task)

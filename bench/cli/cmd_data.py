@@ -176,7 +176,7 @@ def command_import(
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.formats.csv_file import TABLES, columns_of, read_press_table
     from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
-    from tactsim.bench.pad.measured import with_shapes
+    from tactsim.bench.pad import with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.core import InputError, Scan
     from tactsim.core.idle import settled

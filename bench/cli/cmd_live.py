@@ -74,9 +74,9 @@ def command_live(
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad.simulated_hand import SimulatedHand, open_pressed
     from tactsim.bench.terminal import progress_bars
+    from tactsim.bench.watching import PadReader
     from tactsim.bench.watching.belief_words import BeliefWords
     from tactsim.bench.watching.live_screen import live
-    from tactsim.bench.watching.pad_view import PadReader
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
@@ -155,7 +155,7 @@ def command_watch(
     from contextlib import nullcontext
 
     from tactsim.bench.console import plain_console
-    from tactsim.bench.watching.pad_view import PadReader
+    from tactsim.bench.watching import PadReader
     from tactsim.bench.watching.watch_screen import watch
     from tactsim.bench.watching.web import WebPage
     from tactsim.hardware.sources import open_source

@@ -83,8 +83,8 @@ def _record_session(
     seen: pads.Side,
 ) -> None:
     from tactsim.bench.console import plain_console
+    from tactsim.bench.pad import taken_as_letters, with_letters
     from tactsim.bench.pad.guided import record
-    from tactsim.bench.pad.measured import taken_as_letters, with_letters
     from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
     from tactsim.hardware.scans import scan_of_sessions
@@ -161,7 +161,7 @@ def _check_name(out: Path, suffix: str) -> None:
 def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]]:
     import numpy as np
 
-    from tactsim.bench.pad.measured import known_letter
+    from tactsim.bench.pad import known_letter
     from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 

@@ -64,7 +64,7 @@ def command_replay(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.pad.measured import taken_as_letters, with_letters, with_shapes
+    from tactsim.bench.pad import taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.bench.trials import check_labels
     from tactsim.core.idle import settled

@@ -12,7 +12,7 @@ from tactsim.bench.cli.shared_options import dotted
 from tactsim.core.errors import InputError, counted
 
 if TYPE_CHECKING:
-    from tactsim.bench.leaderboard.best_known import Best
+    from tactsim.bench.leaderboard import Best
     from tactsim.bench.tasks import Task
 
 
@@ -34,7 +34,7 @@ def command_tasks(
 ) -> None:
     """List the frozen tasks with sizes and the best known results, or show one whole; --hash presses its data."""
     from tactsim.bench import tasks
-    from tactsim.bench.leaderboard.best_known import best_known
+    from tactsim.bench.leaderboard import best_known
     from tactsim.bench.results import to_json
 
     if name is None and hash_data:

@@ -3,3 +3,116 @@
 Lives here: leading a person through the presses of a session or of a run's trials, the template that is printed for
 it, and `bench validate`. Does not live here: the pad's bytes and its calibration, which are `tactsim.hardware`'s.
 """
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactsim.core import InputError, Pad, Scan
+from tactsim.core.errors import some
+from tactsim.core.poses import FloatArray
+from tactsim.core.seeds import stream
+from tactsim.hardware.recording import SUFFIX
+from tactsim.hardware.scans import scan_of_sessions
+from tactsim.models import Letter, letter, names, shape
+from tactsim.press.scan_poses import random_poses, stage_for
+from tactsim.press.scanning import object_facts
+
+_STEP_MM, _STEP_DEGREES = 1.0, 5.0  # the marks of the sheets of `bench template`
+
+_SPARE = 3  # poses of a trial for each one that is wanted: some are skipped
+
+
+def recording_of(folder: Path, letter: str, trial: int) -> Path:
+    """Name the recording of a letter's trial, which counts from 0, in a folder of measured trials."""
+    return folder / f"{quote(letter, safe='')}-{trial + 1}{SUFFIX}"
+
+
+def poses_to_press(letter: str, trial: int, readings: int, seed: int, pad: Pad) -> FloatArray:
+    """Draw the poses (n, 3) sensor_in_object of a trial, off the grid; more than `readings`, for some are skipped.
+
+    They reach as far as those of a scan with this pad, and lie on whole mm and every 5 degrees, where the sheets of
+    `bench template` have marks.
+    """
+    reach = stage_for(pad, known_letter(letter)).reach
+    poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings, reach)
+    steps = (_STEP_MM, _STEP_MM, np.deg2rad(_STEP_DEGREES))
+    poses = np.round(poses / steps) * steps
+    poses[:, 2] %= 2 * np.pi  # rounding may have made a whole turn
+    return poses
+
+
+def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: int) -> Scan:
+    """Read the measured trials of the letters: for each letter `readings` readings of its first trial, then the next.
+
+    Raises InputError if a trial is missing, or has fewer presses.
+    """
+    chosen: list[NDArray[np.bool_]] = []
+    paths = [recording_of(folder, letter, trial) for letter in letters for trial in range(trials)]
+    for path in paths:
+        if not path.exists():
+            raise InputError(
+                f"{path} was not measured yet; measure it by the same command with --port, or say fewer --trials"
+            )
+    scan = scan_of_sessions(paths)
+    for path, about in zip(paths, scan.meta["recordings"], strict=True):
+        count = about["presses"]
+        if count < readings:
+            raise InputError(
+                f"{path} has {count} presses of {readings}; the same command with --port measures the others"
+            )
+        chosen.append(np.arange(count) < readings)
+    kept = scan.chosen(np.concatenate(chosen))
+    return with_letters(replace(kept, meta={**scan.meta, "readings_a_trial": readings}))
+
+
+def known_letter(label: str) -> Letter | None:
+    """Build the letter of the catalogue that a label names; None if there is none."""
+    return letter(label) if label in names() else None
+
+
+def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the labels that are letters of the catalogue.
+
+    letters: which labels are; by default all that are called like one, as in guided sessions, which show its outline.
+    Raises InputError for one that no label names.
+    """
+    for one in letters or ():
+        if one not in scan.letters:
+            raise InputError(f"no reading is of the letter {one!r}; the labels are {some(scan.letters)}")
+    called = set(names()) if letters is None else set(letters)
+    objects = {label: object_facts(letter(label)) for label in scan.letters if label in called}
+    return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the objects that are called like these files of shapes.
+
+    Raises InputError for a shape that no label names, and for a label that is a letter of the catalogue already.
+    """
+    if not paths:
+        return scan
+    shapes = {of.name: of for of in map(shape, paths)}
+    known = scan.meta.get("objects", {})
+    for name in shapes:
+        if name not in scan.letters:
+            raise InputError(f"no reading is of the shape {name!r}; the labels are {some(scan.letters)}")
+        if name in known:
+            raise InputError(f"{name!r} is a shape and, by --letters, one of the catalogue; leave one out")
+    objects = {**known, **{name: object_facts(of) for name, of in shapes.items()}}
+    return replace(scan, meta={**scan.meta, "objects": objects})
+
+
+def taken_as_letters(scan: Scan) -> list[str]:
+    """Say, in a line if there are any, which labels of a scan count as letters of the catalogue."""
+    taken = [label for label in scan.letters if label in scan.meta.get("objects", {})]
+    said = (
+        f"{' '.join(taken)}: placements count as those of the catalogue's letters (centre, inertia, symmetry)"
+    )
+    return [said] if taken else []

@@ -10,8 +10,8 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.bench.pad.measured import known_letter
-from tactsim.bench.watching.pad_view import PadView
+from tactsim.bench.pad import known_letter
+from tactsim.bench.watching import PadView
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import force

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from tactsim.bench.pad import poses_to_press, recording_of
 from tactsim.bench.pad.guide_screen import Screen
-from tactsim.bench.pad.leader import Leader
-from tactsim.bench.pad.measured import poses_to_press, recording_of
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
-from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.bench.watching import PadReader, PadView
 from tactsim.bench.watching.watch_screen import show
 from tactsim.core import Pad, Scan
 from tactsim.core.checking import checked
@@ -30,7 +29,7 @@ from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import Kind, Recorder, RecordReader, check_whole
 from tactsim.hardware.scans import read_session
-from tactsim.hardware.session import Phase, Plan, Press, Session, Tare, count_taken, parse_mark
+from tactsim.hardware.session import Leader, Phase, Plan, Press, Session, Tare, count_taken, parse_mark
 from tactsim.hardware.session import note as enter
 from tactsim.hardware.sources import Recorded, open_source, taxels_of
 from tactsim.models import letter

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from tactsim.bench.config import run_config
 from tactsim.bench.experiment import gather, plan_of, silent, tasks_of
-from tactsim.bench.tasks.task import Task
+from tactsim.bench.tasks import Task
 from tactsim.bench.trials import Progress, check_readings, run_trials
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray

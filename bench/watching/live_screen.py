@@ -10,8 +10,8 @@ from collections.abc import Callable
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
+from tactsim.bench.watching import PadReader, PadView
 from tactsim.bench.watching.belief_words import BeliefWords
-from tactsim.bench.watching.pad_view import PadReader, PadView
 from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state_text
 from tactsim.core.errors import printable

@@ -11,13 +11,12 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from tactsim.bench.pad.leader import Leader
 from tactsim.bench.pad.simulated_hand import SimulatedHand, touch_above
 from tactsim.bench.watching.recogniser import NOTHING, Belief, Recogniser, Touch
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import Calibration
-from tactsim.hardware.session import Plan, Press, Session, note
+from tactsim.hardware.session import Leader, Plan, Press, Session, note
 
 Explore = Literal["information", "random"]
 _CHOOSING = "choosing the next touch"

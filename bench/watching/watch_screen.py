@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.watching.pad_view import PadReader, PadView
+from tactsim.bench.watching import PadReader, PadView
 from tactsim.core.counters import counter_words
 from tactsim.core.errors import printable
 from tactsim.hardware.terminal_pictures import SEEN, scale_bar, tactile_image

@@ -22,7 +22,7 @@ from typing import Any, Self
 import numpy as np
 
 from tactsim.bench.pages import render
-from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, PadReader, PadView
+from tactsim.bench.watching import BIN_S, HISTORY_S, PadReader, PadView
 from tactsim.core.counters import Counters, counter_words
 from tactsim.core.errors import InputError, printable
 from tactsim.hardware.terminal_pictures import SEEN

@@ -9,9 +9,9 @@ from pathlib import Path
 import tomli_w
 from page_blocks import exit_status
 
+from tactsim.bench import leaderboard as best_known
 from tactsim.bench.config import RunConfig
-from tactsim.bench.leaderboard import best_known
-from tactsim.bench.leaderboard.best_known import Best
+from tactsim.bench.leaderboard import Best
 from tactsim.bench.leaderboard.standings import Standings, read_folder
 from tactsim.core import InputError
 from tactsim.core.files import write_text

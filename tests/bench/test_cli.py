@@ -17,7 +17,7 @@ from tactsim.bench import experiment, results, terminal
 from tactsim.bench.cli import main
 from tactsim.bench.cli.app import load, said_of
 from tactsim.bench.experiment import perform
-from tactsim.bench.leaderboard.best_known import best_known
+from tactsim.bench.leaderboard import best_known
 from tactsim.bench.results import Run
 from tactsim.core import InputError, Scan
 

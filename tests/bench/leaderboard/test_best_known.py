@@ -4,8 +4,8 @@ import pytest
 from best_known_results import main
 from entered import entered
 
+from tactsim.bench import leaderboard as best_known
 from tactsim.bench.config import RunConfig
-from tactsim.bench.leaderboard import best_known
 from tactsim.bench.leaderboard.bundle import write_bundle
 from tactsim.bench.leaderboard.standings import read_folder
 from tactsim.bench.tasks import task

@@ -10,7 +10,7 @@ from rich.live import Live
 from terminal import Screen as Terminal
 
 from tactsim.bench.pad.guide_screen import Screen
-from tactsim.bench.watching.pad_view import PadView
+from tactsim.bench.watching import PadView
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader
 from tactsim.hardware.scans import read_session

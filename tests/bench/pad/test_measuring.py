@@ -7,7 +7,7 @@ import pytest
 from command_line import refused, wait_until
 
 import tactsim
-from tactsim.bench.pad.measured import measured_scan, poses_to_press, recording_of
+from tactsim.bench.pad import measured_scan, poses_to_press, recording_of
 from tactsim.bench.results import load
 from tactsim.bench.trials import OneTrial, TrialPlan, TrialRules
 from tactsim.hardware.recording import Kind, Tail

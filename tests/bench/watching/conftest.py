@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from tactsim.bench.watching import pad_view
+from tactsim.bench import watching
 from tactsim.core.counters import Counters
 from tactsim.core.reading import Reading
 from tactsim.core.source import NoReading, Source, SourceEnded
@@ -65,7 +65,7 @@ def silence(monkeypatch):
     """Say how long a pad may be silent, s: as long as it likes, unless a test calls this."""
 
     def allow(seconds):
-        monkeypatch.setattr(pad_view, "_SILENCE_S", seconds)
+        monkeypatch.setattr(watching, "_SILENCE_S", seconds)
 
     allow(1000.0)
     return allow

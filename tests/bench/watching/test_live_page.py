@@ -5,8 +5,8 @@ import pytest
 from browser import browser, expect, needs_browser
 
 from tactsim.bench.pad.simulated_hand import SimulatedHand
+from tactsim.bench.watching import PadReader
 from tactsim.bench.watching.belief_words import BeliefWords
-from tactsim.bench.watching.pad_view import PadReader
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.bench.watching.web import WebPage

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactsim.bench.watching.pad_view import BIN_S, HISTORY_S, History, PadReader
+from tactsim.bench.watching import BIN_S, HISTORY_S, History, PadReader
 from tactsim.core.source import SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration
 from tactsim.hardware.sources import Corrected

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactsim.bench.pad.simulated_hand import SimulatedHand
-from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching import PadReader
 from tactsim.bench.watching.recogniser import Recogniser, on_taxels
 from tactsim.bench.watching.touch_leader import TouchLeader
 from tactsim.core import Scan, compose

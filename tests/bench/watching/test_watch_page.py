@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from browser import browser, expect, needs_browser
 
-from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching import PadReader
 from tactsim.bench.watching.web import WebPage
 
 pytestmark = [pytest.mark.long, needs_browser]

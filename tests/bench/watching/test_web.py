@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from tactsim.bench.watching.pad_view import PadReader
+from tactsim.bench.watching import PadReader
 from tactsim.bench.watching.web import HOST, WebPage
 
 RAMP = np.arange(36.0)
