@@ -377,8 +377,7 @@ def _binary_stl_faces(content: bytes) -> int | None:
     that streams leaves 0 there: then the file's length tells.
     """
     faces = int.from_bytes(content[80:84], "little")
-    if not faces and len(content) > 84 and (len(content) - 84) % 50 == 0:
-        faces = (len(content) - 84) // 50
+    faces = faces or max(len(content) - 84, 0) // 50
     return faces if len(content) >= 84 + 50 * faces else None
 
 

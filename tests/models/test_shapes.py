@@ -282,8 +282,9 @@ def test_facets_of_a_text_stl_may_have_four_corners(tmp_path):
 def test_a_binary_stl_whose_writer_left_its_count_at_0_has_the_facets_that_it_holds(tmp_path):
     path = tmp_path / "thing.stl"
     whole = box(20, 10, 3).export(file_type="stl")
-    path.write_bytes(whole[:80] + bytes(4) + whole[84:])
-    assert models.shape(path).area == pytest.approx(200)
+    for behind in (b"", b"and a few words"):
+        path.write_bytes(whole[:80] + bytes(4) + whole[84:] + behind)
+        assert models.shape(path).area == pytest.approx(200)
     path.write_bytes(bytes(84))
     assert "there is no face in it" in refusal(path)
 
