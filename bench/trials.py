@@ -27,6 +27,7 @@ from tactsim.bench.config import STILL, Slip
 from tactsim.bench.kinds import PLANE
 from tactsim.bench.placement import Placement, certainty, poses_unknown, properties
 from tactsim.core import InputError, Scan, compose, invert
+from tactsim.core.compiling import compile_waiting
 from tactsim.core.errors import short
 from tactsim.core.forward import ForwardModel
 from tactsim.core.pad import OFFSET
@@ -511,6 +512,12 @@ def _evaluations(estimator: Estimator) -> int:
     return flatten_work(estimator.work).get("likelihood_evaluations", 0)
 
 
+def _compile_for(kind: type[Estimator]) -> None:
+    """Compile the inner loops of the room that an estimator is of: none is compiled in the middle of a trial."""
+    compile_waiting("tactsim.estimators")
+    compile_waiting(".".join(kind.__module__.split(".")[:2]))
+
+
 def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
     """Fit an estimator to the training readings of a scan; one that asks for it gets `forward` of the scan first.
 
@@ -523,6 +530,7 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
             f"the readings are in {unit}; {name} presses the letters "
             "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
         )
+    _compile_for(type(estimator))
     with no_exit(name):
         if forward is not None and estimator.uses_forward_model:
             estimator.bring(forward(scan))
@@ -666,6 +674,8 @@ def send_trials(
     InputError for an estimator that cannot be sent.
     """
     plan = plan.portable()
+    if plan.given is None:
+        _compile_for(load(plan.estimator))  # once, not in each of them
     if plan.rules.each_held_out:
         divided = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
     else:

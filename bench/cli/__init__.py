@@ -20,6 +20,9 @@ def main() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
     # A scheduler or a container ends it as Ctrl-C does: frames are kept, and nothing is left half-written.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for size in ("COLUMNS", "LINES"):  # 0 where a terminal does not say: nothing would fit
+        if not os.environ.get(size, "").strip("0"):
+            os.environ.pop(size, None)
     try:  # importing takes long enough to be interrupted
         from tactsim.bench.cli.app import run_app
 

@@ -1,4 +1,4 @@
-"""How the inner loops are compiled: ahead of use, for one signature, and kept by numba for the next run.
+"""How the inner loops are compiled: when they are first needed, for one signature, and kept by numba for the next run.
 
 numba keeps a function by its own file and does not see a change of a function in another file that it calls. So
 what is kept lies in a folder that is named by a hash of all files that hold compiled functions. All are serial: trials
@@ -15,15 +15,25 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from time import monotonic
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-import numba
 import numpy as np
-from numba import boolean, float32, float64, int8, int16, int32, int64, njit, types
 from numpy.typing import NDArray
 
 from tactsim.core.cache_folder import cache_folder, temporary_folder
+from tactsim.core.errors import InputError
 from tactsim.core.source_digest import package_digest
+
+try:
+    from numba import boolean, float32, float64, int8, int16, int32, int64, njit, types
+    from numba.core import config as _config
+    from numba.core.caching import NullCache
+except ValueError as wrong:  # as of NUMBA_NUM_THREADS=0
+    settings = ", ".join(f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_"))
+    raise InputError(
+        f"numba, which compiles the inner loops, does not start with {settings}: {wrong}"
+    ) from None
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 Ints = NDArray[np.int64]
@@ -52,18 +62,21 @@ Bools1D = Annotated[NDArray[np.bool_], boolean[::1]]
 # Arrays of others that are only looked at: those that may not be written are taken too.
 GivenReals1D = Annotated[Reals, types.Array(float64, 1, "C", readonly=True)]
 GivenReals2D = Annotated[Reals, types.Array(float64, 2, "C", readonly=True)]
+config: Any = _config
 _SCALARS = {float: float64, int: int64, bool: boolean, type(None): types.void}
 
 HOLDS_KERNELS = b"\nfrom tactsim.core.compiling import "  # what a file with compiled functions holds
+_waiting: list[tuple[str, Callable[[], Any]]] = []  # what is not compiled: its module, and what does it
 _MOST_FOLDERS = 10  # of kernels of other source, each of some 10 MB
 
 
 def compiled(
     *, ordered: bool = True, summed_in_order: bool = True, called_from_python: bool = True
 ) -> Callable[[_Function], _Function]:
-    """Compile a function for the types of its annotations, or load what an earlier run has compiled.
+    """Let a function be compiled for the types of its annotations, or loaded as an earlier run has compiled it.
 
-    Of IEEE arithmetic only this is given up: a * b + c may be one instruction; with ordered=False
+    That is done when it is first called, or called by a compiled one, or at `compile_waiting`: who imports a module
+    waits for nothing. Of IEEE arithmetic only this is given up: a * b + c may be one instruction; with ordered=False
     also NaN and the sign of zero, for loops that take a maximum; with summed_in_order=False also the order
     in which numbers are added, for loops whose sums are only compared. A function that only other compiled
     ones call takes half as long to compile.
@@ -84,22 +97,65 @@ def compiled(
     }
 
     def decorate(function: _Function) -> Any:
-        *arguments, returned = (numba_type(hint) for hint in _hints(function))
-        signature = returned(*arguments)
-        folder = kernel_folder(function.__module__.partition(".")[0])
-        if folder is None:
-            _say_why_it_takes_long(kept=False)
-        else:
-            try:
-                return _kept(function, signature, choices, folder)
-            except Exception:  # what a power failure has left of a file may raise anything when it is loaded
-                shutil.rmtree(folder, ignore_errors=True)
         dispatcher = njit(**choices)(function)
-        dispatcher.compile(signature)
-        dispatcher.disable_compile()
+
+        def compile_now(*_: Any) -> Any:
+            if config.DISABLE_JIT:
+                raise InputError("NUMBA_DISABLE_JIT is set, and the inner loops are compiled: unset it")
+            vars(dispatcher).pop("_compile_for_args", None)
+            vars(dispatcher).pop("get_call_template", None)
+            if not dispatcher.overloads:
+                _compile(dispatcher, function)
+            return dispatcher
+
+        _waiting.append((function.__module__, compile_now))
+        if config.DISABLE_JIT:  # then `njit` leaves a function as it is, minutes where it is milliseconds
+            return compile_now
+        # numba asks these two when Python, or another compiled function, calls one that is not compiled.
+        dispatcher._compile_for_args = compile_now
+        dispatcher.get_call_template = lambda args, words: compile_now().get_call_template(args, words)
         return dispatcher
 
     return decorate
+
+
+def compile_waiting(of: str) -> None:
+    """Compile or load now what was imported so far of modules whose names begin so, and say how long it took.
+
+    For work that is timed or seen, and for several processes, of which each would compile it.
+    """
+    start = monotonic()
+    chosen = [one for one in _waiting if one[0].startswith(of)]
+    _waiting[:] = [one for one in _waiting if one not in chosen]
+    if count := sum(bool(compile_now().stats.cache_misses) for _, compile_now in chosen):
+        logging.getLogger(__name__).warning("compiled %d inner loops in %.0f s", count, monotonic() - start)
+
+
+def _compile(dispatcher: Any, function: Callable[..., Any]) -> None:
+    """Load a function from the folder of what is kept, or compile it and keep it there if that is possible."""
+    *arguments, returned = (numba_type(hint) for hint in _hints(function))
+    signature = returned(*arguments)
+    folder = kernel_folder(function.__module__.partition(".")[0])
+    if folder is not None:
+        users, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+        try:
+            dispatcher.enable_caching()
+        finally:
+            config.CACHE_DIR = users
+    try:
+        dispatcher.compile(signature)
+    except Exception as error:  # what a power failure has left of a file may raise anything when it is loaded
+        if not dispatcher.overloads:
+            if folder is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+            dispatcher._cache = NullCache()
+            dispatcher.compile(signature)
+        elif not isinstance(error, OSError):  # it is compiled, and could not be written: the disk is full
+            raise
+        folder = None
+    if dispatcher.stats.cache_misses:
+        _say_why_it_takes_long(".".join(function.__module__.split(".")[:-1][:2]), folder is not None)
+    dispatcher.disable_compile()
 
 
 def numba_type(hint: Any) -> Any:
@@ -121,25 +177,6 @@ def numba_type(hint: Any) -> Any:
 def _hints(annotated: Any) -> Iterable[Any]:
     """Give the annotations of a class or a function, that of what it returns last."""
     return get_type_hints(annotated, include_extras=True).values()
-
-
-def _kept(function: Callable[..., Any], signature: Any, choices: dict[str, Any], folder: Path) -> Any:
-    """Load a function from a folder, or compile it and keep it there."""
-    config: Any = numba.config
-    users = config.CACHE_DIR
-    config.CACHE_DIR = str(folder)
-    try:
-        dispatcher = njit(cache=True, **choices)(function)
-    finally:
-        config.CACHE_DIR = users
-    try:
-        dispatcher.compile(signature)
-        if dispatcher.stats.cache_misses:
-            _say_why_it_takes_long(kept=True)
-    except OSError:  # it is compiled, and could not be written: the disk is full
-        _say_why_it_takes_long(kept=False)
-    dispatcher.disable_compile()
-    return dispatcher
 
 
 @cache
@@ -168,8 +205,10 @@ def kernel_folder(package: str) -> Path | None:
 
 
 @cache
-def _say_why_it_takes_long(kept: bool) -> None:
+def _say_why_it_takes_long(room: str, kept: bool) -> None:
     logging.getLogger(__name__).warning(
-        "compiling the inner loops that this command needs first: half a minute, or minutes where the machine is busy; "
-        + ("kept for later runs" if kept else "each time, since no cache folder takes it")
+        "compiling the inner loops of %s that this command needs: up to half a minute, or minutes where the machine is "
+        "busy; %s",
+        room,
+        "kept for later runs" if kept else "each time, since no cache folder takes it",
     )

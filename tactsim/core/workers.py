@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import signal
 import sys
 import threading
@@ -22,6 +23,7 @@ _GUARD = (
     "worker processes import the script that starts them: put the call under `if __name__ == '__main__':`, "
     "or use jobs=1"
 )
+_GUARDED = re.compile(r"^\s*if\b.*\b__name__\b", re.MULTILINE)
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -33,11 +35,19 @@ def worker_processes(count: int) -> Iterator[Executor]:
 
     The processes end with the block, and with their parent. After an exception in the block they are killed, and work
     that has not begun is dropped. If a worker dies, asking for any result that is missing raises
-    concurrent.futures.BrokenExecutor. Raises InputError where a process cannot import the script that called.
+    concurrent.futures.BrokenExecutor. Raises InputError where a process cannot import the script that called, or the
+    system gives no semaphores.
     """
     _check_script()
     others = set(active_children())
-    with _Pool(count, mp_context=get_context("spawn"), initializer=_begin) as pool:
+    try:
+        made = _Pool(count, mp_context=get_context("spawn"), initializer=_begin)
+    except OSError as error:  # semaphores are files of /dev/shm
+        raise InputError(
+            f"worker processes cannot share semaphores ({error}); make room in /dev/shm and let it be written, or use "
+            "--jobs 1 (in Python jobs=1)"
+        ) from error
+    with made as pool:
         try:
             yield pool
         except BaseException:  # without its processes the pool gives up all that is left
@@ -123,12 +133,13 @@ def _check_script() -> None:
     """Raise InputError if a process cannot import the script that is run, or would start processes by importing it."""
     main = sys.modules["__main__"]
     script = getattr(main, "__file__", None)
-    if not script or getattr(main, "__spec__", None) is not None:
+    # What `python -m package` runs is not imported by them; what `python -m module` runs is, as a script is.
+    if not script or getattr(getattr(main, "__spec__", None), "name", "").endswith("__main__"):
         return
     path = Path(script)
     if not path.exists():
         raise InputError(
             f"worker processes cannot import {script}, which is no file; use jobs=1 or write a script"
         )
-    if path.suffix == ".py" and "__name__" not in path.read_text(encoding="utf-8", errors="replace"):
+    if path.suffix == ".py" and not _GUARDED.search(path.read_text(encoding="utf-8", errors="replace")):
         raise InputError(_GUARD)

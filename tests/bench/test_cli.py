@@ -395,3 +395,52 @@ def test_a_users_own_folders_hide_nothing(bench, tmp_path):
     bench.environment["PYTHONPATH"] = str(tmp_path)
     result = bench("list", "letters")
     assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("setting", "words", "said"),
+    [
+        ("COLUMNS=0", "list estimators", None),
+        ("COLUMNS=0", "--help", None),
+        ("NUMBA_DISABLE_JIT=1", "list estimators", None),
+        ("NUMBA_DISABLE_JIT=1", "run --letters IL --trials 1", "NUMBA_DISABLE_JIT is set"),
+        (
+            "NUMBA_NUM_THREADS=0",
+            "run --letters IL --trials 1",
+            "numba, which compiles the inner loops, does not start",
+        ),
+        ("NUMBA_NUM_THREADS=0", "list estimators", "NUMBA_NUM_THREADS=0"),
+    ],
+)
+def test_odd_settings_of_a_machine_are_answered_or_refused_in_one_line(bench, setting, words, said):
+    name, _, value = setting.partition("=")
+    bench.environment |= {name: value}
+    ended = bench(*words.split())
+    if said is None:
+        assert ended.returncode == 0 and len(ended.stdout.splitlines()) > 10, ended.stderr
+    else:
+        assert said in refused(ended)
+
+
+@pytest.mark.long
+def test_nothing_is_compiled_to_list_estimators_or_before_the_words_are_checked(bench, tmp_path):
+    bench.environment |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    assert bench("list", "estimators", "refined").returncode == 0
+    assert "no_such" in refused(bench("run", "--estimator", "refined", "--set", "no_such=1"))
+    assert not list(tmp_path.glob("kernels/**/*.nbi"))
+
+
+@pytest.mark.slow
+def test_set_up_leaves_nothing_of_a_run_and_its_report_to_compile(bench, tmp_path):
+    kept = tmp_path / "bytecode"
+    bench.environment |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPYCACHEPREFIX": str(kept)}
+    words = [sys.executable, "-m", "tactsim.bench.compile_kernels"]
+    without = bench.environment | {"PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run(words, env=without, cwd=tmp_path, check=True)
+    loops, before = set(tmp_path.glob("kernels/**/*.nbc")), set(kept.rglob("*.pyc"))
+    bench.environment |= {"PYTHONDONTWRITEBYTECODE": ""}
+    assert bench("run", "--letters", "IL", "--trials", "1", "--out", "run").returncode == 0
+    assert bench("report", "run").returncode == 0
+    assert set(tmp_path.glob("kernels/**/*.nbc")) == loops
+    assert set(kept.rglob("*.pyc")) == before

@@ -133,6 +133,11 @@ def test_an_error_of_a_worker_ends_the_work_at_once():
 
 
 CALL = "with worker_processes(1) as pool: print(pool.submit(abs, -1).result())\n"
+NO_SEMAPHORES = """
+from tactsim.core.workers import process_map, worker_processes
+with process_map(1) as each: print(*each(abs, [-1]), flush=True)
+with worker_processes(2): pass
+"""
 GUARDED = "if __name__ == '__main__':\n    " + CALL
 
 
@@ -140,7 +145,14 @@ GUARDED = "if __name__ == '__main__':\n    " + CALL
     ("words", "call", "said"),
     [
         (["script.py"], CALL, "put the call under `if __name__ == '__main__':`, or use jobs=1"),
+        (["-m", "script"], CALL, "put the call under `if __name__ == '__main__':`, or use jobs=1"),
+        (
+            ["script.py"],
+            "print(__name__)\n" + CALL,
+            "put the call under `if __name__ == '__main__':`, or use jobs=1",
+        ),
         (["script.py"], GUARDED, "1"),
+        (["-m", "script"], GUARDED, "1"),
         (["-c", "from tactsim.core.workers import worker_processes\n" + CALL], "", "1"),
     ],
 )
@@ -151,6 +163,18 @@ def test_a_script_that_workers_cannot_import_is_told_what_to_write(words, call, 
     )
     assert said in (ended.stdout + ended.stderr).splitlines()[-1]
     assert ended.stderr.count("Traceback") == ended.returncode
+
+
+@pytest.mark.parametrize("options", ["size=4k", "ro"])
+def test_where_there_are_no_semaphores_it_is_said_and_one_process_needs_none(options):
+    without = f"mount -t tmpfs -o {options} tmpfs /dev/shm && exec {sys.executable} -c '{NO_SEMAPHORES}'"
+    ended = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", without], text=True, capture_output=True, timeout=120
+    )
+    if "unshare:" in ended.stderr or "mount:" in ended.stderr:
+        pytest.skip("this machine lets nobody mount")
+    assert "worker processes cannot share semaphores" in ended.stderr.splitlines()[-1]
+    assert ended.stdout == "1\n"
 
 
 @pytest.mark.long
