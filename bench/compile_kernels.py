@@ -1,8 +1,8 @@
 """Compile what most runs need, and keep it for later ones: `python -m tactsim.bench.compile_kernels [--all]`.
 
 Without it the first run that needs a kernel compiles it. Those of exact presses and reliefs, of solids and of pads on
-others' robots, which few runs need, are left to that but with `--all`. Then a small run and its report are made, so that
-Python keeps what it compiles of all that they import: later the environment may be one that cannot be written.
+others' robots, which few runs need, are left to that but with `--all`. Then a small run and its report are made, so
+that Python keeps what it compiles of all that they import: later the environment may be one that cannot be written.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.cache_folder import cache_folder, temporary_folder
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, counted
 from tactsim.core.source_digest import package_digest
 
 try:
@@ -128,7 +128,9 @@ def compile_waiting(of: str) -> None:
     chosen = [one for one in _waiting if one[0].startswith(of)]
     _waiting[:] = [one for one in _waiting if one not in chosen]
     if count := sum(bool(compile_now().stats.cache_misses) for _, compile_now in chosen):
-        logging.getLogger(__name__).warning("compiled %d inner loops in %.0f s", count, monotonic() - start)
+        logging.getLogger(__name__).warning(
+            "compiled %s in %.0f s", counted(count, "inner loop"), monotonic() - start
+        )
 
 
 def _compile(dispatcher: Any, function: Callable[..., Any]) -> None:

@@ -418,16 +418,17 @@ def test_odd_settings_of_a_machine_are_answered_or_refused_in_one_line(bench, se
     bench.environment |= {name: value}
     ended = bench(*words.split())
     if said is None:
-        assert ended.returncode == 0 and len(ended.stdout.splitlines()) > 10, ended.stderr
+        assert ended.returncode == 0, ended.stderr
+        assert len(ended.stdout.splitlines()) > 10
     else:
-        assert said in refused(ended)
+        refused(ended, said)
 
 
 @pytest.mark.long
 def test_nothing_is_compiled_to_list_estimators_or_before_the_words_are_checked(bench, tmp_path):
     bench.environment |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     assert bench("list", "estimators", "refined").returncode == 0
-    assert "no_such" in refused(bench("run", "--estimator", "refined", "--set", "no_such=1"))
+    refused(bench("run", "--estimator", "refined", "--set", "no_such=1"), "no_such")
     assert not list(tmp_path.glob("kernels/**/*.nbi"))
 
 
@@ -435,7 +436,10 @@ def test_nothing_is_compiled_to_list_estimators_or_before_the_words_are_checked(
 def test_set_up_leaves_nothing_of_a_run_and_its_report_to_compile(bench, tmp_path):
     kept = tmp_path / "bytecode"
     bench.environment |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPYCACHEPREFIX": str(kept)}
-    words = [sys.executable, "-m", "tactsim.bench.compile_kernels"]
+    python = (
+        Path(sys.prefix).resolve() / "bin" / "python"
+    )  # that of `bench`: what is kept has its name by its folder
+    words = [python, "-m", "tactsim.bench.compile_kernels"]
     without = bench.environment | {"PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run(words, env=without, cwd=tmp_path, check=True)
     loops, before = set(tmp_path.glob("kernels/**/*.nbc")), set(kept.rglob("*.pyc"))
