@@ -33,7 +33,7 @@ from tactsim.bench.trials import (
 )
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import some, unknown
-from tactsim.core.origins import object_origin, seen_from
+from tactsim.core.origins import object_origins, seen_from
 from tactsim.core.pad import offsets
 from tactsim.core.poses import POSE, FloatArray
 from tactsim.core.scan import train_on
@@ -166,13 +166,14 @@ class Plane(Kind):
         if train is not None and config.letters is None:  # what is tested may be fewer than what is known
             letters = tuple(letter for letter in letters if len(scan.where("test", letter))) or letters
         scan = scan.of_letters(known)
-        # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin.
-        origin = object_origin(scan)
-        objects = properties(seen_from(scan, origin))
+        # T_R^O is drawn about 0: with 0 at the object the trials are the same, wherever poses have their origin, and
+        # the places of touches do not name an object that has a frame of its own.
+        scan = seen_from(scan, object_origins(scan))
+        objects = properties(scan)
         scan = scan.untrained(_held_out(config, letters))
         if config.train_presses is not None:
             scan = scan.with_train_presses(config.train_presses, stream(config.seed, "train_presses"))
-        return Gathered(seen_from(scan, origin), letters, work, perf_counter() - start, objects)
+        return Gathered(scan, letters, work, perf_counter() - start, objects)
 
     def check_gathered(self, config: RunConfig, gathered: Gathered) -> None:
         """Raise InputError as `trials.check_readings` does."""

@@ -1,7 +1,7 @@
 """The frames that an estimator works in where those of its user have origins far from the object.
 
 The object's frame: training poses in a robot's base frame lie hundreds of mm from its origin. Their centre, which is
-known when an estimator is fitted, becomes the origin (`core.origins`).
+known when an estimator is fitted, becomes the origin, or that of each object's own (`core.origins`).
 
 The robot's frame: x and y of T_R^O are searched within a few mm of 0, which says that the robot's origin is near the
 object. A first touch from which no such state would reach the object says that it is not. Where the object lies then is
@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tactsim.core import Scan, compose, invert
-from tactsim.core.origins import object_origin, positions_from, seen_from
+from tactsim.core.origins import object_origins, positions_from, seen_from
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PlaneBelief
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
@@ -36,12 +36,12 @@ _BESIDE = 100.0
 class Frames:
     """The origins that an estimator works with, beside those of its user.
 
-    object_origin: (2,) mm, in the user's object frame. near: mm; a first touch that is farther from the user's origin
-    moves that of the robot. first_touch: the pose (3,) of such a touch in the user's robot frame; None for a near one,
-    and before the first.
+    object_origins: of each object (2,) mm, in the user's frame of it; none where all are 0. near: mm; a first touch
+    that is farther from the user's origin moves that of the robot. first_touch: the pose (3,) of such a touch in the
+    user's robot frame; None for a near one, and before the first.
     """
 
-    object_origin: FloatArray
+    object_origins: Mapping[str, FloatArray]
     near: float
     first_touch: FloatArray | None = None
 
@@ -49,20 +49,20 @@ class Frames:
     def fitted(cls, scan: Scan, reach: float) -> Frames:
         """Find the object in a scan. reach: mm, within which x and y of T_R^O are searched.
 
-        An origin that is within `reach` of the user's stays there: T_R^O may be as large.
+        Origins that are within `reach` of the user's stay there: T_R^O may be as large.
         """
-        origin = object_origin(scan)
-        if np.abs(origin).max() <= reach:
-            origin = np.zeros(2)
-        trained = scan.poses[scan.split == "train", :2] - origin
+        origins = object_origins(scan)
+        if all(np.abs(origin).max() <= reach for origin in origins.values()):
+            origins = {}
+        trained = seen_from(scan, origins).poses[scan.split == "train", :2]
         pad = float(np.hypot(*scan.taxel_xy.T).max())
         radius = float(np.hypot(*trained.T).max(initial=0.0))
         # From the robot's origin to the object's, to the outermost touch there, and half a pad for either touch.
-        return cls(origin, max(_BESIDE, np.sqrt(2) * reach + _FARTHER * radius + 2 * pad))
+        return cls(origins, max(_BESIDE, np.sqrt(2) * reach + _FARTHER * radius + 2 * pad))
 
     def scan(self, scan: Scan) -> Scan:
         """Bring a scan into the frame of the object."""
-        return seen_from(scan, self.object_origin)
+        return seen_from(scan, self.object_origins)
 
     def begun(self, first: FloatArray) -> Frames:
         """Give the frames of a sequence whose first touch is at the pose `first` (3,) in the user's robot frame."""
@@ -77,30 +77,34 @@ class Frames:
         )
         return np.round(turned, _DIGITS)
 
-    def poses_back(self, robot_in_object: FloatArray) -> FloatArray:
-        """Bring poses T_R^O (..., 3) back into the user's frames."""
-        if self.first_touch is not None:
-            robot_in_object = compose(robot_in_object, invert(self.first_touch))
-        if self.object_origin.any():
-            robot_in_object = robot_in_object + [*self.object_origin, 0.0]
-        return robot_in_object
-
     def estimate_back(self, known: Estimate) -> Estimate:
         """Bring the poses of an estimate back into the user's frames."""
-        if self.first_touch is None and not self.object_origin.any():
-            return known
-        return known.moved(self.poses_back)
+        touch, origin = self.first_touch, self.object_origins.get(known.label)
+        if touch is not None:
+            known = known.moved(lambda robot_in_object: compose(robot_in_object, invert(touch)))
+        if origin is not None and origin.any():
+            known = known.moved(lambda robot_in_object: robot_in_object + [*origin, 0.0])
+        return known
 
     def plane_back(self, belief: PlaneBelief) -> PlaneBelief:
-        """Bring a belief over the plane back; with a far robot it shows where on the object the first touch was."""
-        return replace(belief, x=belief.x + self.object_origin[0], y=belief.y + self.object_origin[1])
+        """Bring a belief over the plane back; with a far robot it shows where on the object the first touch was.
 
-    def maps_back(self, maps: Mapping[str, OccupancyMap]) -> Mapping[str, OccupancyMap]:
-        """Bring maps, mm, back into the user's frame."""
-        if not self.object_origin.any():
+        Where each object has an origin of its own, its belief stays as seen from there.
+        """
+        origins = list(self.object_origins.values())
+        if not origins or not np.array_equal(np.min(origins, axis=0), np.max(origins, axis=0)):
+            return belief
+        return replace(belief, x=belief.x + origins[0][0], y=belief.y + origins[0][1])
+
+    def maps_back(
+        self, maps: Mapping[str, OccupancyMap], object_of: Mapping[str, str]
+    ) -> Mapping[str, OccupancyMap]:
+        """Bring maps, mm, back into the user's frame. object_of: of each view."""
+        if not self.object_origins:
             return maps
         return {
-            label: replace(chart, origin=chart.origin + self.object_origin) for label, chart in maps.items()
+            label: replace(chart, origin=chart.origin + self.object_origins[object_of.get(label, label)])
+            for label, chart in maps.items()
         }
 
 

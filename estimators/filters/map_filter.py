@@ -344,7 +344,7 @@ class MapFilter(Estimator):
         if not self._maps:
             return self._maps
         maps = self._maps if self.pad_fit is None else self.pad_fit.units.maps_back(self._maps)
-        return self.frames.maps_back(maps)
+        return self.frames.maps_back(maps, self._object_of)
 
     def describe(self) -> str:
         """Say in one line how the filter is set up, whether the object may move, and what is fitted to the pad."""

@@ -2,7 +2,9 @@
 
 Poses may be given in a frame whose origin is far from the object: in a robot's base frame the object lies hundreds of
 mm away. What turns then turns about that origin. An angle that is off by a degree moves the object by 17 mm at 1 m, and
-no search over coarse angles finds anything. So poses are worked with as seen from the object.
+no search over coarse angles finds anything. And the frame of an object is its owner's choice: objects that were pressed
+where they lay on a table have centres of their own, and where the pad is would say which object it is. So poses are
+worked with as seen from the object.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from tactsim.core.scan import Scan
 
 # mm. Positions whose mean and whose middle differ by less lie evenly about both; an origin that is nearer is the same.
 _SAME = 1e-6
+# mm, and standard errors: centres of objects that lie no farther apart are those of one frame.
+_TOGETHER, _CHANCE = OFFSET / 2, 5.0
 _DIGITS = 9  # decimals of mm that are kept when an origin moves: at 10 m the others are rounding
 
 
@@ -39,24 +43,53 @@ def object_origin(scan: Scan) -> FloatArray:
     return np.where(np.abs(middle) > _SAME, middle, 0.0)
 
 
-def seen_from(scan: Scan, origin: FloatArray) -> Scan:
-    """Give a scan with poses seen from `origin` (2,) mm of its frame; the scan itself if that is 0.
+def object_origins(scan: Scan) -> dict[str, FloatArray]:
+    """Find for each object of a scan the origin (2,) mm from which to look at it.
 
-    `meta["object_origin"]` of what is returned is where its origin lies in the frame of the file, mm. The centres of
-    objects in `meta` are moved too, unless they are given in the frame of a drawing: nearer to 0 than to `origin`.
+    That is `object_origin` of all, if the centres of the objects' training poses lie together, but for chance; else
+    each object lies in a frame of its own, and this centre is its origin.
     """
-    if not origin.any():
+    centres, errors = {}, []
+    for label in scan.letters:
+        own = scan.where("train", label)
+        xy = (own if len(own) else scan.where(label=label)).poses[:, :2]
+        mean = xy.mean(axis=0)
+        centres[label] = np.where(np.abs(mean) > _SAME, mean, 0.0)
+        errors.append(float(np.hypot(*xy.std(axis=0))) / np.sqrt(len(xy)))
+    apart = np.ptp(list(centres.values()), axis=0).max() if centres else 0.0
+    if apart > _TOGETHER + _CHANCE * max(errors, default=0.0):
+        return centres
+    return dict.fromkeys(centres, object_origin(scan))
+
+
+def seen_from(scan: Scan, origins: Mapping[str, FloatArray]) -> Scan:
+    """Give a scan with the poses of each object seen from its origin (2,) mm; the scan itself if all are 0.
+
+    `meta["object_origin"]` of what is returned is where its origin lies in the frame of the file, mm, or where that of
+    each object does. The centres of objects in `meta` are moved too, unless they are given in the frame of a drawing:
+    nearer to 0 than to the origin.
+    """
+    if not any(origin.any() for origin in origins.values()):
         return scan
-    before = np.array(scan.meta.get("object_origin", (0.0, 0.0)))
-    meta: dict[str, Any] = {**scan.meta, "object_origin": (before + origin).tolist()}
+    before = scan.meta.get("object_origin", (0.0, 0.0))
+    at = {
+        label: (np.array(before[label] if isinstance(before, Mapping) else before) + origin).tolist()
+        for label, origin in origins.items()
+    }
+    first = next(iter(at.values()))
+    meta: dict[str, Any] = {**scan.meta, "object_origin": first if at == dict.fromkeys(at, first) else at}
     objects = scan.meta.get("objects")
     if isinstance(objects, Mapping):
-        meta["objects"] = {label: _facts_seen_from(facts, origin) for label, facts in objects.items()}
-    return replace(scan, poses=positions_from(scan.poses, origin), meta=meta)
+        meta["objects"] = {
+            label: _facts_seen_from(facts, origins[label]) if label in origins else facts
+            for label, facts in objects.items()
+        }
+    by_row = np.array([origins[label] for label in scan.labels.tolist()]).reshape(-1, 2)
+    return replace(scan, poses=positions_from(scan.poses, by_row), meta=meta)
 
 
 def positions_from(poses: FloatArray, origin: FloatArray) -> FloatArray:
-    """Give poses (..., 3) as seen from `origin` (2,) mm, rounded to what doubles hold at 10 m."""
+    """Give poses (..., 3) as seen from `origin` (2,) mm, or one each, rounded to what doubles hold at 10 m."""
     return np.concatenate([np.round(poses[..., :2] - origin, _DIGITS), poses[..., 2:]], axis=-1)
 
 

@@ -2,6 +2,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import tactsim
 from tactsim.bench.config import Slip, run_config
@@ -427,3 +428,23 @@ def test_one_letter_cannot_be_held_out_in_turn(tmp_path):
     make_scan(letters="A").save(tmp_path / "scan.npz")
     with pytest.raises(InputError, match="leave one to train on"):
         gather(run_config(scan=tmp_path / "scan.npz", hold_out="each"), jobs=1, cache=False, progress=silent)
+
+
+@pytest.mark.parametrize("name", ["nearest", pytest.param("refined", marks=pytest.mark.long)])
+def test_the_frame_of_an_object_is_its_owners_choice(name):
+    """Frames that lie apart give the same trials; one that is turned gives others, of which as many are right."""
+    scan = tactsim.scan(letters="AEI")
+
+    def run(motions):
+        poses = scan.poses.copy()
+        for letter, motion in motions.items():
+            poses[scan.labels == letter] = compose(motion, poses[scan.labels == letter])
+        moved = tactsim.Scan.from_arrays(scan.readings, poses, scan.labels, scan.split, tactsim.Pad())
+        return tactsim.run(moved, estimator=name, trials=12, readings=3)
+
+    one, apart = run({}), run({"E": [12.0, 0, 0], "I": [600.0, 35.5, 0]})
+    assert_allclose(apart.accuracy, one.accuracy, atol=1e-12)
+    assert_allclose(apart.error_mm, one.error_mm, atol=1e-4)
+    turned = run({"E": [12.0, 0, 0.7], "I": [600.0, 35.5, -2.0]})
+    assert_allclose(turned.accuracy, one.accuracy, atol=0.2)
+    assert abs(turned.error_mm[-1] - one.error_mm[-1]) < 3.0

@@ -76,6 +76,18 @@ def test_the_object_may_lie_anywhere_in_its_frame(scan, near, name):
 
 
 @pytest.mark.parametrize("name", [*KINDS, *LONG])
+def test_each_object_may_lie_in_a_frame_of_its_own(scan, near, name):
+    away = {"A": (0.0, 0.0, 0.0), "E": (40.0, -15.0, 0.0), "I": (500.0, 0.0, 0.0)}
+    apart = fitted(name, replace(scan, poses=scan.poses + [away[label] for label in scan.labels]))
+    for letter in LETTERS:
+        readings, _, poses = sequence(scan, letter)
+        one, other = (follow(estimator, readings, poses) for estimator in (near(name), apart))
+        for first, second in zip(one, other, strict=True):
+            moved = replace(second, robot_in_object=second.robot_in_object - away[second.label])
+            assert_same_touches([first], poses, [moved], poses)
+
+
+@pytest.mark.parametrize("name", [*KINDS, *LONG])
 def test_a_far_base_may_stand_anywhere_and_be_turned(scan, near, name):
     estimator = near(name)
     for letter in LETTERS[:2]:
