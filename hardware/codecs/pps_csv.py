@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.finite import LARGEST
-from tactsim.core.idle import failed_cells
+from tactsim.core.idle import failed_cells, unwrapped
 from tactsim.core.poses import FloatArray
 from tactsim.hardware import text_tables
 from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
@@ -160,6 +160,9 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
+    whole[:, 1:], wrapped = unwrapped(whole[:, 1:])
+    for row, mended in zip((row for row in rows if len(row) == width), whole, strict=True):
+        row[:] = mended
     failed = np.asarray(failed_cells(whole[:, 1:]).any(axis=1))
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
@@ -168,6 +171,9 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
         also = f"; {remark}" if remark else ""
         remark = f"taxel {lost}: NaN in every line, which counts as 0: never pressed{also}"
+    if wrapped:
+        also = f"; {remark}" if remark else ""
+        remark = f"{wrapped:,} counts below 0 were stored without a sign, 65535 for -1, and are mended{also}"
     if failed.any():
         also = f"; {remark}" if remark else ""
         remark = f"{failed.sum():,} of {len(failed):,} lines have a failed cell, as 65535 is, and are left out{also}"

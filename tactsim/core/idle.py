@@ -34,6 +34,7 @@ _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is presse
 _NO_READING = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1}
 _NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
 _SELDOM = 0.05  # the most of its cells that fail where a taxel does not
+_DRIFTS = 0.1  # of the typical rise
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 
 
@@ -108,6 +109,27 @@ def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
             return marks
         marks &= beyond > nearest
     return failed
+
+
+def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
+    """Give readings (n, taxels) with counts below 0 that were stored without a sign, 65530 for -6, as they were.
+
+    So they are if all are whole numbers of 16 bits, more than half of their range is empty, and a taxel reads now
+    below and now above the gap: at 65535 and two numbers more, at least, for one alone may be that of failed cells.
+    Returns how many these were, too.
+    """
+    values = np.array(readings, dtype=float)
+    numbers = np.unique(values[~np.isnan(values)])
+    if len(numbers) < 2 or numbers[0] < 0 or (numbers % 1).any():
+        return values, 0
+    widest = int(np.diff(numbers).argmax())
+    low, high = numbers[widest], numbers[widest + 1 :]
+    if not (len(high) > 2 and high[0] - low > 2**15 and high[-1] == 2**16 - 1):
+        return values, 0
+    above = values > low
+    above &= (values <= low).any(axis=0)
+    values[above] -= 2**16
+    return values, int(above.sum())
 
 
 def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:
@@ -194,9 +216,17 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Presses with failed cells are left out, unless "off". Raises InputError for another word, for
-    frames of another pad, and if no press is left.
+    (n, taxels) instead. Counts below 0 that were stored without a sign are mended and presses with failed cells left
+    out, unless "off"; where what taxels read at rest drifts from press to press, it is said. Raises InputError for
+    another word, for frames of another pad, and if no press is left.
     """
+    mended, wrapped = unwrapped(scan.readings)
+    if wrapped and zero != "off":
+        taken, said = settled(replace(scan, readings=mended), zero, frames)
+        return (
+            taken,
+            f"{wrapped:,} counts below 0 were stored without a sign, 65535 for -1, and are mended; {said}",
+        )
     failed = failed_cells(scan.readings)
     whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
     lost = int((~whole).sum())
@@ -241,7 +271,21 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     taken = replace(
         scan, readings=idle.rise(scan.readings), sequence=sequence, meta={**scan.meta, "idle": about}
     )
-    return taken, f"{idle.describe()}: readings are taken from there"
+    return taken, f"{idle.describe()}: readings are taken from there{_drift(scan, idle)}"
+
+
+def _drift(scan: Scan, idle: Idle) -> str:
+    """Say it where the levels of the first and of the last third of the presses differ by a tenth of a typical rise."""
+    third = len(scan) // 3
+    first, last = (find_idle(part) for part in (scan.readings[:third], scan.readings[len(scan) - third :]))
+    told = first.known & last.known & (first.sign == idle.sign) & (last.sign == idle.sign)
+    moved = float(np.median((last.level - first.level)[told])) if told.any() else 0.0
+    if abs(moved) <= _DRIFTS * idle.typical:
+        return ""
+    return (
+        f"; it drifts by {moved:.3g} from the first to the last third of the presses, {abs(moved) / idle.typical:.0%} "
+        "of a typical rise, which is not taken off: press in shorter sessions, each with its own idle readings"
+    )
 
 
 def _lower_half(values: FloatArray) -> FloatArray:

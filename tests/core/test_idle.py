@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactsim.core import InputError, Scan
-from tactsim.core.idle import failed_cells, find_idle, settled
+from tactsim.core.idle import failed_cells, find_idle, settled, unwrapped
 
 TAXELS = 36
 
@@ -195,3 +195,36 @@ def test_a_large_reading_among_others_is_no_failed_cell():
     ramp = np.linspace(0, 9999, 400).reshape(100, 4)
     assert not failed_cells(ramp).any()
     assert not failed_cells(np.where(np.arange(4) == 2, 65535.0, pressed()[:, :4])).any()  # a dead taxel
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_counts_below_0_without_a_sign_are_mended_and_counted(turned):
+    counts = np.round(turned * 20 * pressed())
+    taken, said = settled(scan_of(np.mod(counts, 2.0**16)))
+    right, also = settled(scan_of(counts))
+    assert np.array_equal(taken.readings, right.readings)
+    assert (
+        said
+        == f"{(counts < 0).sum():,} counts below 0 were stored without a sign, 65535 for -1, and are mended; {also}"
+    )
+
+
+def test_large_counts_are_not_taken_for_counts_below_0():
+    stuck = np.round(3000 + 20 * pressed())
+    stuck[:, 3] = 65533 + np.arange(len(stuck)) % 3  # a taxel that never reads less
+    failed = np.where(
+        np.random.default_rng(1).random(stuck.shape) < 0.1, 65535.0, np.round(3000 + 20 * pressed())
+    )
+    ramp = np.round(np.linspace(0, 65535, 400)).reshape(100, 4)
+    for counts in (stuck, failed, ramp, np.zeros((0, 4)), pressed()):
+        mended, count = unwrapped(counts)
+        assert count == 0
+        assert np.array_equal(mended, counts)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_level_that_drifts_from_press_to_press_is_said(turned):
+    counts = np.round(3000 + turned * 20 * pressed(presses=300))
+    drift = np.linspace(0, 300, len(counts)).round()[:, None]
+    assert "drifts" not in settled(scan_of(counts))[1]
+    assert "it drifts by 2" in settled(scan_of(counts + drift))[1]

@@ -124,3 +124,11 @@ def test_counters_of_ms_and_us_are_no_times_since_1970():
     assert unit_since_1970(1e6 + 20 * np.arange(30)) is None
     assert unit_since_1970(1.2e9 + 10_000 * np.arange(30)) is None  # us, 20 minutes after it was switched on
     assert unit_since_1970([1.75e9]) is None
+
+
+def test_counts_below_0_without_a_sign_are_mended_in_a_recording():
+    counts = [at % 9 - 4 for at in range(60)]
+    lines = [f"{40 * at}, {count % 65536}, {500 + at}" for at, count in enumerate(counts)]
+    _, frames, remark = read_table(iter(["Time [ms], Elem0, Elem1", *lines]))
+    assert [frame.values[0] for frame in frames] == counts
+    assert f"{sum(count < 0 for count in counts)} counts below 0" in remark
