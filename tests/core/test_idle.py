@@ -187,7 +187,7 @@ def test_presses_with_failed_cells_are_left_out_and_counted(turned, mark):
     assert taken.meta["idle"] == right.meta["idle"]
     assert np.array_equal(taken.readings, right.readings)
     assert set(taken.meta["idle"]["sign"]) == {turned}
-    lost = f"{(~kept).sum():,} of {len(kept):,} presses with {failed.sum():,} failed cells, such as {mark!r}"
+    lost = f"{(~kept).sum():,} of {len(kept):,} readings with {failed.sum():,} failed cells, such as {mark!r}"
     assert said.startswith(lost)
 
 
