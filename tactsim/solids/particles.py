@@ -189,6 +189,15 @@ class MovedParticles:
         """Give the log-weights (n,) for the rest of the way to power 1."""
         return self.log_weight + (1 - self.power) * self.log_p
 
+    def spread(self, chosen: NDArray[np.intp], least: float) -> Weights:
+        """Weigh some particles (n,) for the rest of the way to power 1, or as far as leaves so many of them effective.
+
+        Where rounds ended before power 1, one particle may hold all: that is no belief without a width, but one that
+        is not known more sharply.
+        """
+        start, log_p = (self.log_weight - self.power * self.log_p)[chosen], self.log_p[chosen]
+        return Weights(start + highest_power(start, log_p, min(least, len(chosen) / 4)) * log_p)
+
     def take_in(self, log_p: FloatArray) -> None:
         """Add a touch's log p (n,)."""
         self.log_weight = self.log_weight + self.power * log_p

@@ -56,6 +56,7 @@ _LEAST = 1e-9  # the share of the belief that an object keeps
 _LATER = 1.5  # times as many contacts as at the last search make another one due
 _SEEDS = 75  # particles that modes are sought from, beside the better ones of a search's seeds
 _KEPT = 300  # of these
+_EFFECTIVE = 20.0  # particles that hold the belief about a pose, at least: three for each of its numbers
 _BEFORE = 256  # poses of an object that stand for it until something is touched
 
 
@@ -216,7 +217,7 @@ class SpaceRefinedFilter(Estimator):
             label=self.labels[best],
             probabilities=dict(zip(self.labels, chance.tolist(), strict=True)),
             robot_in_object=rigid.invert(mean_around(poses, held.normalised)),
-            samples=PoseSamples(rigid.invert(poses), held.normalised),
+            samples=PoseSamples(rigid.invert(poses), self._particles.spread(mine, _EFFECTIVE).normalised),
         )
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:

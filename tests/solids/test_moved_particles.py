@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tactsim.core import rigid
-from tactsim.solids.particles import born
+from tactsim.estimators.filters.states import Weights
+from tactsim.solids.particles import MovedParticles, born
 
 TRUE = np.array([3.0, -2.0, 1.0, *rigid.from_vector([0.3, -0.2, 0.9])])
 SHIFT, TURN = 0.15, 0.02  # mm and rad
@@ -62,3 +63,18 @@ def test_a_touch_that_is_taken_in_is_weighed_once():
     particles.take_in(new)
     np.testing.assert_allclose(particles.rest, before + new)
     np.testing.assert_allclose(particles.log_p, log_p_before + new)
+
+
+def test_a_belief_that_one_particle_would_hold_is_spread_over_those_that_power_leaves():
+    rng = np.random.default_rng(8)
+    log_p = np.concatenate([[80.0], rng.normal(size=99)])
+    particles = MovedParticles(np.zeros(100, int), np.zeros((100, 7)), log_p, 0.1 * log_p, 0.1)
+    every = np.arange(100)
+    assert Weights(particles.rest).ess < 1.01
+    held = particles.spread(every, 20)
+    assert held.ess == pytest.approx(20, abs=1)
+    assert held.log[0] == held.log.max()
+    few = particles.spread(every[1:], 20)
+    assert few.normalised == pytest.approx(
+        Weights(particles.rest[1:]).normalised
+    )  # enough of them count as it is
