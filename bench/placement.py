@@ -25,7 +25,6 @@ from tactsim.core.checking import checked
 from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.core.idle import find_idle
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
@@ -183,6 +182,8 @@ def properties(scan: Scan) -> dict[str, Properties]:
     """
     known = stated_properties(scan)
     if len(known) < len(scan.letters):
+        from tactsim.core.idle import find_idle
+
         train = scan.where("train")
         scan = replace(scan, readings=find_idle(train.readings, train.presses).rise(scan.readings))
     found = {

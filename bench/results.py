@@ -26,7 +26,6 @@ from tactsim.core.errors import counted
 from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
 from tactsim.core.poses import FloatArray
 from tactsim.estimators import NONE
-from tactsim.models.shapes import LARGEST_FILE, shape
 
 if TYPE_CHECKING:
     from tactsim.bench.runs.figures import Picture
@@ -249,6 +248,7 @@ class Run:
     def plot_shapes(self) -> Picture:
         """Draw the outlines of the user's own shapes as they were read. Raises InputError if there are none."""
         from tactsim.bench.runs.figures import outlines_figure
+        from tactsim.models import shape
 
         return outlines_figure([shape(path) for path in self.shape_files])
 
@@ -414,6 +414,8 @@ def save(run: Run, folder: Path) -> None:
         bounds = table | {"bound_mm": run.bounds.ravel()}
         write_text(folder / "bounds.csv", columns.write_csv(BOUND_COLUMNS, bounds))
     for path in run.shape_files:
+        from tactsim.models.shapes import LARGEST_FILE
+
         (folder / SHAPES).mkdir(exist_ok=True)
         write_bytes(folder / SHAPES / path.name, read_bytes(path, LARGEST_FILE))
     write_text(folder / "summary.json", to_json(run.summary))

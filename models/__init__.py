@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from tactsim.models.glyphs import names, parse_letters
 from tactsim.models.letter import ConvexPart, Letter, Rectangle, export, letter, relief
-from tactsim.models.shapes import shape
 
 if TYPE_CHECKING:
+    from tactsim.models.shapes import shape
     from tactsim.solids import Solid, mirrored, read_solid_file, solid, solid_names
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # Letters do without solids, and a press of letters does not depend on them.
+    # Letters do without files and solids, and a press of letters does not depend on them.
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("tactsim.solids"), name)
+    return getattr(import_module("tactsim.models.shapes" if name == "shape" else "tactsim.solids"), name)

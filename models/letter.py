@@ -24,7 +24,6 @@ from tactsim.core.errors import InputError, unknown
 from tactsim.core.files import write_bytes
 from tactsim.core.poses import FloatArray
 from tactsim.models.relief import FELT, Relief
-from tactsim.models.rounding import inset, rounded_solid, strips
 from tactsim.models.symmetry import rotational_order
 
 if TYPE_CHECKING:
@@ -106,6 +105,8 @@ class Letter:
         if self.relief is not None:
             return self.relief.solid
         if self.rounding:
+            from tactsim.models.rounding import rounded_solid
+
             return rounded_solid(self.contours, self.rounding, self.height)
         return self.footprint.extrude(self.height)
 
@@ -130,6 +131,8 @@ class Letter:
         flat: Sequence[FloatArray] = self.contours
         edge = []
         if self.rounding:
+            from tactsim.models.rounding import inset, strips
+
             flat = inset(self.contours, self.rounding)
             edge = strips(self.contours, self.rounding, self.height)
         prisms = [_prism(outline, self.height) for outline in convex_pieces(flat)]
@@ -239,6 +242,8 @@ def raised(name: str, footprint: CrossSection, *, height: float = HEIGHT, roundi
     for contour in contours:
         contour.setflags(write=False)
     if rounding:
+        from tactsim.models.rounding import inset
+
         try:
             inset(contours, rounding)
         except InputError as error:

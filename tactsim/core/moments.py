@@ -89,23 +89,6 @@ def moments_of(
     return found, taken
 
 
-def felt_moments(sequences: FloatArray, shares: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Take the moments of touches by what their taxels feel together, for want of a gauge.
-
-    sequences: (n, frames, taxels) in any unit. shares: (m,) as in `moments_of`; the last is 1. Returns which there are,
-    (n, m), and their images, (n, m, taxels). A touch that never comes to rest has the moment of the whole load alone,
-    which is its last image.
-    """
-    count, _, taxels = sequences.shape
-    found = np.zeros((count, len(shares)), dtype=bool)
-    taken = np.zeros((count, len(shares), taxels))
-    for touch, images in enumerate(sequences):
-        found[touch], taken[touch] = moments_of(images, shares, images.sum(axis=1))
-        if not found[touch, -1]:
-            taken[touch, -1], found[touch, -1] = images[-1], True
-    return found, taken
-
-
 def _images(scan: Scan, press: int) -> FloatArray:
     """Give the images of a press (frames, taxels). Raises InputError if the scan has none."""
     if scan.sequence is None:

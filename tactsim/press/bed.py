@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray, invert
 from tactsim.models.letter import Letter
-from tactsim.models.rounding import inset
 from tactsim.press.clip import EVEN_MOMENTS, cell_moments, edges_of
 
 if TYPE_CHECKING:
@@ -73,6 +72,8 @@ def has_relief(letter: Letter, options: PressOptions) -> bool:
 
 
 def _rounded(letter: Letter) -> list[Level]:
+    from tactsim.models.rounding import inset
+
     radius = letter.rounding
     angle = np.linspace(0, np.pi / 2, ROUNDING_LEVELS + 1)  # from the flat of the face to its side
     outlines = [

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from tactsim.core.checking import Settings
-from tactsim.core.matrix import mixed, of_uniform, unmixed
 from tactsim.core.poses import FloatArray
 from tactsim.core.seeds import stream
 
@@ -258,12 +257,16 @@ class Ghosting(Effect):
 
     def apply(self, readings: FloatArray, drawn: FloatArray, at: Frames) -> FloatArray:
         """Read the taxels as such a matrix does, above what it reads at rest."""
+        from tactsim.core.matrix import mixed, of_uniform
+
         cells = at.matrix(np.maximum(readings, 0) + self.leakage)
         ghosts: FloatArray = mixed(cells).reshape(readings.shape) - of_uniform(self.leakage, *cells.shape[1:])
         return ghosts
 
     def most(self, high: FloatArray, at: Frames) -> FloatArray:
         """Say how much taxels read at most: no more than where all conduct as the best one does."""
+        from tactsim.core.matrix import of_uniform
+
         rows, columns = at.matrix(high).shape[1:]
         return np.full_like(high, of_uniform(float(high.max()) + self.leakage, rows, columns))
 
@@ -387,6 +390,8 @@ class Unmix(Ghosting):
 
     def apply(self, readings: FloatArray, drawn: FloatArray, at: Frames) -> FloatArray:
         """Take the ghosts out again: none is below 0 then."""
+        from tactsim.core.matrix import of_uniform, unmixed
+
         cells = at.matrix(readings)
         cells = cells + of_uniform(self.leakage, *cells.shape[1:])
         return unmixed(cells, self.leakage).reshape(readings.shape) - self.leakage
