@@ -262,7 +262,7 @@ class CsvReplay(Source):
         The first line may be the rest of one. It is taken for whole where neither terminal nor device note a time, as
         in a file that begins with its first frame.
         """
-        clock, now, begin = DeviceClock(1.0, _HALF_DAY), None, b"\n"
+        clock, now, begin, waiting = DeviceClock(1.0, _HALF_DAY), None, b"\n", ""
         for text in self._texts:
             garbage, restarts, stamp = self.counters.garbage_bytes, clock.restarts, _STAMP.match(text)
             if stamp:
@@ -274,12 +274,15 @@ class CsvReplay(Source):
             line, begin = (b"" if codec.before or stamp else begin) + line, b""
             if self._log is not None:
                 self._log.received(0, line, now or 0.0)
-            for reading in self._stream.received(0, line, now or 0.0):
+            received = self._stream.received(0, line, now or 0.0)
+            for reading in received:
                 if now is None and reading.device_time is None:
                     self._remark = "no time stands before its lines, and none in them"
                 yield reading if now is not None else replace(reading, host_time=reading.device_time or 0.0)
             if text.strip() and self.counters.garbage_bytes > garbage:
-                self._leave_out(text)
+                self._leave_out(waiting if received and waiting else text)
+            # Of a line of words the next one tells whether it begins the rows of a frame.
+            waiting = "" if received or self.counters.garbage_bytes > garbage else text
         if not self.counters.readings and not codec.before and now is None:
             yield from self._of_rows(codec.taxels)
 

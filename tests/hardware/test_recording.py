@@ -385,6 +385,13 @@ def test_lines_without_a_time_say_so_and_a_title_says_which_device_file_reads_a_
         CsvReplay(tmp_path / "a.log", csv_device(4))
 
 
+def test_a_line_above_the_first_frame_is_the_one_that_is_left_out(tmp_path):
+    (tmp_path / "a.txt").write_text("shape,2,2\n" + "".join(f"{k},9,{k + 2},7\n" for k in range(30)))
+    with open_source([f"recording:{tmp_path / 'a.txt'}"], LINES) as source:
+        assert len(list(source)) == 30
+        assert "1 line left out as no reading, the first 'shape,2,2'" in source.summary()
+
+
 LAID = [
     ("".join(f"{k}\t9\t{k + 2}\t7\n" for k in range(30)), "no time stands before"),
     ("".join(f"{k} 9\n{k + 2} 7\n" for k in range(30)), "30 frames of several lines"),
