@@ -48,7 +48,7 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
 
     Raises InputError if the runs do not have the same trials.
     """
-    _check_same_trials(base, new)
+    check_same_trials(base, new)
     rng = np.random.default_rng(0)
     scored = [run.scored for run in (base, new)]
     kind = base.kind
@@ -116,7 +116,8 @@ def _unlike(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     return [name for name in {**one, **other} if one.get(name) != other.get(name)]
 
 
-def _check_same_trials(base: Run, new: Run) -> None:
+def check_same_trials(base: Run, new: Run) -> None:
+    """Raise InputError, which says what to align, unless two runs have the same trials."""
     kind = base.kind
     if kind.name != new.kind.name:
         raise InputError(

@@ -37,9 +37,10 @@ class _PlainConsole(Console):
                     else:
                         words = (word for line in (head, *cells) for word in line.split())
                         column.min_width = min(max(map(len, words), default=0), self.width)
-                least = Measurement.get(self, self.options.update(width=_UNBOUNDED), table).minimum
+                least, most = Measurement.get(self, self.options.update(width=_UNBOUNDED), table)
                 if least > self.width:
                     table.width = least
+                if most > self.width:  # rich forgets what a column needs at least where it makes one narrower
                     options["crop"] = False
         super().print(*objects, **options)
 

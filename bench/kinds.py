@@ -98,10 +98,19 @@ class Gathered:
 
 
 @dataclass(frozen=True)
+class Sheet:
+    """How pictures for a paper are drawn: inches wide, one panel (accuracy or error) or both, and with a caption."""
+
+    width: float = 7.16  # both columns of a page of the IEEE
+    panel: Literal["accuracy", "error"] | None = None
+    caption: bool = True
+
+
+@dataclass(frozen=True)
 class Pages:
     """A report that is wanted: its runs, each with the folder that it is known by, its file, and remarks to begin with.
 
-    each_seed: whether runs that differ in the seed alone are shown each.
+    each_seed: whether runs that differ in the seed alone are shown each. sheet: of the pictures beside it.
     """
 
     runs: Sequence[tuple[Path, Run]]
@@ -109,6 +118,7 @@ class Pages:
     remarks: Sequence[str]
     each_seed: bool
     progress: Progress
+    sheet: Sheet = Sheet()
 
 
 class Kind:

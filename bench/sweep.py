@@ -31,6 +31,7 @@ from tactsim.bench.experiment import (
     plan_of,
     tasks_of,
 )
+from tactsim.bench.kinds import OF_THE_METHOD
 from tactsim.bench.results import Run, sweep_order
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
@@ -52,8 +53,10 @@ from tactsim.estimators import create
 from tactsim.estimators.estimator import budget_of
 
 
-def read(source: str) -> tuple[str, list[Config]]:
+def read(source: str, also: Sequence[str] = ()) -> tuple[str, list[Config]]:
     """Read a sweep from a TOML file or a suite's name: its name and its runs, in order.
+
+    also: estimators that are asked the same with their defaults, beside those of the sweep.
 
     The file has `[[run]]` tables, and `[defaults]` for what they leave out. Their keys are the long options of
     `bench run` with underscores (`set` and `scan_set` are tables). A list stands for one run per entry, and
@@ -68,7 +71,9 @@ def read(source: str) -> tuple[str, list[Config]]:
         table, name = read_toml(path, "sweep"), path.stem
     else:
         raise unknown("suite or sweep file", source, suites())
-    return name, expand(table, f"sweep {source}")
+    for one in also:
+        create(one)  # a name that is unknown is no fault of the file
+    return name, expand(table, f"sweep {source}", also)
 
 
 def count_runs(suite: str) -> int:
@@ -91,7 +96,7 @@ def suites() -> tuple[str, ...]:
     )
 
 
-def expand(table: Mapping[str, Any], what: str) -> list[Config]:
+def expand(table: Mapping[str, Any], what: str, also: Sequence[str] = ()) -> list[Config]:
     """Turn a sweep's tables into its runs: every combination of every list, without repeats.
 
     Raises InputError for an unknown key, a wrong value, no runs or more than 100,000, and, with the number of the
@@ -99,9 +104,11 @@ def expand(table: Mapping[str, Any], what: str) -> list[Config]:
     """
     configs: dict[str, Config] = {}
     sources: set[tuple[str, int]] = set()
-    for where, words in _combinations(table, what):
+    for where, of_file in _combinations(table, what):
+        of_data = {name: value for name, value in of_file.items() if name not in OF_THE_METHOD}
         try:
-            for seed in _seeds(words):
+            methods = [of_file, *(of_data | {"estimator": one} for one in also)]
+            for words, seed in itertools.product(methods, _seeds(of_file)):
                 config = any_config(**words, **seed)
                 estimator_of(config)  # refuses a wrong option
                 if (asked := (config.source, config.readings)) not in sources:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ from typing import Annotated
 import typer
 
 from tactsim.bench.cli import shared_options as shared
+from tactsim.core.errors import InputError, printable
 
 
 def command_sweep(
@@ -23,6 +25,12 @@ def command_sweep(
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster.")
     ] = None,
     cache: shared.Cache = True,
+    also: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ESTIMATOR", help="Ask the same of this one too, such as your own; repeat for several."
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME."),
@@ -35,7 +43,7 @@ def command_sweep(
     from tactsim.bench.places import SWEEPS, check_folder
     from tactsim.bench.terminal import print_sweep, progress_bars
 
-    name, configs = sweep.read(source)
+    name, configs = sweep.read(source, also or ())
     folder = out or SWEEPS / name
     check_folder(folder)
     with progress_bars() as progress:
@@ -66,24 +74,51 @@ def command_report(
             "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
         ),
     ] = False,
+    width: Annotated[
+        str, typer.Option(help="Of the figures beside the page, whose type is 8 pt: 3.4in, 86mm.")
+    ] = "7.16in",
+    panel: Annotated[
+        Panel | None, typer.Option(help="Only this panel of the curves over readings. Default: both.")
+    ] = None,
+    caption: Annotated[
+        bool, typer.Option("--caption/--no-caption", help="Say below a figure what it is of.")
+    ] = True,
 ) -> None:
     """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
+    from tactsim.bench.kinds import Sheet
     from tactsim.bench.places import RESULTS, check_new_file, check_page
     from tactsim.bench.report.write import check_folder, write_report
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import printable
 
+    sheet = Sheet(_inches(width), panel.value if panel else None, caption)
     for folder in runs:
         check_folder(folder)
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
     check_page(target)
     check_new_file(target, picture=".html")
     with progress_bars() as progress:
-        written, remarks = write_report(runs, target, each_seed=each_seed, progress=progress)
+        written, remarks = write_report(runs, target, each_seed=each_seed, progress=progress, sheet=sheet)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
         typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:
         typer.echo(printable(f"remark  {remark}"), err=True)
+
+
+class Panel(StrEnum):
+    """Which panel of a picture is drawn."""
+
+    ACCURACY = "accuracy"
+    ERROR = "error"
+
+
+def _inches(text: str) -> float:
+    """Read a width such as 3.4in, 86mm or 8.6cm. Raises InputError."""
+    units = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
+    number = shared.finite_number(text[:-2])
+    found = 0.0 if number is None else number * units.get(text[-2:], 0.0)
+    if not 1 <= found <= 40:
+        raise InputError(f"--width {text!r}: give 1 to 40 inches, such as 3.4in or 86mm")
+    return found
 
 
 class Format(StrEnum):
@@ -146,14 +181,19 @@ def command_table(
 
 def command_compare(
     base: Annotated[Path, typer.Argument(help="The folder of the run to compare with.")],
-    new: Annotated[Path, typer.Argument(help="The folder of the run to judge.")],
+    new: Annotated[
+        list[Path], typer.Argument(metavar="NEW...", help="The folder of the run to judge, or several.")
+    ],
 ) -> None:
-    """Compare two runs on the same trials; exit status 1 if NEW is worse beyond the interval."""
+    """Compare runs on the same trials with a first one; exit status 1 if any is worse beyond chance."""
     from tactsim.bench.compare import compare
     from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.results import load
 
-    differences = compare(load(base), load(new))
+    if len(new) > 1:
+        _compare_all([base, *new])
+        return
+    differences = compare(load(base), load(new[0]))
     table = plain_table("figure", "base", "new", "new - base", "McNemar p", "verdict")
     for row in differences:
         table.add_row(
@@ -169,6 +209,93 @@ def command_compare(
     if worse:
         plain_console().print(f"worse: {', '.join(worse)}")
         raise typer.Exit(1)
+
+
+def _compare_all(folders: list[Path]) -> None:
+    """Compare each of several runs with the first, their p corrected for all pairs as a leaderboard's are."""
+    from tactsim.bench.compare import check_same_trials
+    from tactsim.bench.console import plain_console, plain_table
+    from tactsim.bench.leaderboard.ranking import LEVEL, ranked
+    from tactsim.bench.results import load
+    from tactsim.bench.runs.pooled import cell, pool
+    from tactsim.bench.runs.tables import heading
+
+    runs = [load(folder) for folder in folders]
+    for run in runs[1:]:
+        check_same_trials(runs[0], run)
+    pools = [
+        replace(pool([run])[0], method=str(folder), budget=None, mark="")
+        for run, folder in zip(runs, folders, strict=True)
+    ]
+    ranking = ranked(pools, f"accuracy@{min(5, *(run.readings for run in runs))}")
+    place = {one.method: number for number, one in enumerate(ranking.pools)}
+    base, worse = place[str(folders[0])], []
+    table = plain_table(
+        "run", heading(ranking.accuracy_by), "p", heading(ranking.error_by), "p", "against the first"
+    )
+    for folder in folders:
+        i = place[str(folder)]
+        ahead = (
+            ranking.accuracies.wins[i, base] - ranking.accuracies.wins[base, i],
+            -ranking.errors.difference[i, base],
+        )
+        p = (ranking.accuracies.p[i, base], ranking.errors.p[i, base])
+        verdicts = [
+            f"{'better' if by > 0 else 'worse'} in {what}"
+            for what, by, chance in zip(("accuracy", "error"), ahead, p, strict=True)
+            if chance <= LEVEL
+        ]
+        worse += [str(folder)] * any(one.startswith("worse") for one in verdicts)
+        figures = [cell(ranking.pools[i], by) for by in (ranking.accuracy_by, ranking.error_by)]
+        first = i == base
+        shown = [
+            "" if first or figure == "-" else f"{chance:.3f}" if chance >= 0.001 else "<0.001"
+            for figure, chance in zip(figures, p, strict=True)
+        ]
+        table.add_row(
+            str(folder), figures[0], shown[0], figures[1], shown[1],
+            "" if first else ", ".join(verdicts) or "not told apart",
+        )  # fmt: skip
+    plain_console().print(table)
+    plain_console().print(
+        f"p: McNemar's exact test by Holm's method, and a bootstrap by its largest difference, each corrected for all "
+        f"{len(folders) * (len(folders) - 1) // 2} pairs"
+    )
+    if worse:
+        plain_console().print(f"worse: {', '.join(worse)}")
+        raise typer.Exit(1)
+
+
+def command_runs(
+    folder: Annotated[Path, typer.Argument(help="Where to look, at any depth.")] = Path("results"),
+) -> None:
+    """List all runs of a folder with their figures after the last reading, the newest last."""
+    from tactsim.bench.console import plain_console, plain_table
+    from tactsim.bench.report.write import check_folder
+    from tactsim.bench.results import load
+    from tactsim.bench.runs.pooled import cell, pool
+
+    check_folder(folder)
+    found, remarks = [], []
+    for path in sorted(folder.rglob("run.json")):
+        if any(part.startswith(".") for part in path.relative_to(folder).parts):
+            continue  # it is being written
+        try:
+            run = load(path.parent)
+            found.append((str(run.times.get("started", "")), path.parent, pool([run])[0]))
+        except InputError as error:
+            remarks.append(str(error))
+    if not found:
+        raise InputError(f"{folder}: no run in it or below; `bench run` makes one")
+    heads = ("begun", "run", "method", "data", "readings", "right", "95 % settled by", "error mm")
+    table = plain_table(*heads, words=4)
+    for begun, path, one in sorted(found, key=lambda of: of[:2]):
+        asked = (f"accuracy@{one.readings}", "settled_95", f"error_mm@{one.readings}")
+        figures = [cell(one, figure).partition(" ")[0] for figure in asked]  # their intervals: bench table
+        table.add_row(begun[:16], str(path), one.label, one.task, str(one.readings), *figures)
+    plain_console().print(table)
+    for remark in remarks:
+        typer.echo(f"remark  {printable(remark)}", err=True)
 
 
 def _number(value: float | None) -> str:

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from tactsim.bench.kinds import Sheet
 from tactsim.bench.report.curves import (
     Point,
     axis_of_errors,
@@ -49,7 +50,7 @@ DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
 LONGEST_LABEL = 48  # characters of a method in a legend
 MARKERS = ("o", "s", "D", "^", "v", "P", "h", "p")
-WIDTH = 7.16  # inches: both columns of a page of the IEEE
+_COLUMN = 5  # inches, below which panels stand above each other
 _ALONE = (4.2, 2.8)  # inches of a plot on the page, which stretches it
 _TYPE: dict[Any, Any] = {
     "font.size": 8.0, "text.parse_math": False, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
@@ -114,10 +115,9 @@ def plots(group: Group, name: str) -> dict[str, Markup]:
 
 
 @mpl.rc_context(_TYPE)
-def pareto_figure(group: Group) -> Figure:
+def pareto_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008  (frozen)
     """Draw every method's curve over its budget: time per recognition against error and readings needed."""
-    figure = Figure(figsize=(WIDTH, 3.9), layout="constrained", facecolor="white")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = _panels(sheet, 2, 3.9)
     for axes, draw in ((left, _draw_time), (right, _draw_settled)):
         axes.grid(which="major", lw=0.4, alpha=0.6)
         draw(axes, group)
@@ -125,34 +125,51 @@ def pareto_figure(group: Group) -> Figure:
     left.set_ylabel(f"placement error after {group.readings} readings, mm")
     right.set_ylabel("readings until 95 % stay right")
     _legend(figure, left.lines)
-    _caption(
-        figure,
-        group,
-        "Thick grey: the frontier. Bars: 95 % interval of the mean.\n"
-        f"Time: median over the trials, on {machine_line(group.entries)}.",
-    )
+    if sheet.caption:
+        _caption(
+            figure,
+            group,
+            "Thick grey: the frontier. Bars: 95 % interval of the mean.\n"
+            f"Time: median over the trials, on {machine_line(group.entries)}.",
+        )
     return figure
 
 
 @mpl.rc_context(_TYPE)
-def readings_figure(group: Group) -> Figure:
+def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008  (frozen)
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained", facecolor="white")
-    left, right = figure.subplots(1, 2)
+    shown = ("accuracy", "error") if sheet.panel is None else (sheet.panel,)
+    figure, panels = _panels(sheet, len(shown), 3.6)
     budgets = 1 if len(group.entries) > CROWD else len(DASHES)
-    for axes in (left, right):
+    lines: list[Line2D] = []
+    for axes, panel in zip(panels, shown, strict=True):
         axes.grid(which="major", lw=0.4, alpha=0.6)
-    _draw_share(left, group, budgets)
-    noted = _draw_error(right, group, budgets)
-    left.set_ylabel("share of trials right")
-    right.set_ylabel("placement error, mm")
-    _legend(figure, [*left.lines, *noted])  # above: within the plot it would hide a curve
-    _caption(
-        figure,
-        group,
-        "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
-    )
+        if panel == "accuracy":
+            _draw_share(axes, group, budgets)
+            axes.set_ylabel("share of trials right")
+        else:
+            noted = _draw_error(axes, group, budgets)
+            axes.set_ylabel("placement error, mm")
+        lines += noted if lines else axes.lines
+    if sheet.panel == "error":
+        lines = [line for line in lines if np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any()]
+    _legend(figure, lines)  # above: within the plot it would hide a curve
+    if sheet.caption:
+        _caption(
+            figure,
+            group,
+            "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
+        )
     return figure
+
+
+def _panels(sheet: Sheet, count: int, height: float) -> tuple[Figure, list[Axes]]:
+    """Make a figure of one or two panels; height: inches of two beside each other on a sheet of the usual width."""
+    beside = count if sheet.width >= _COLUMN else 1
+    usual = beside == 2 and sheet.width == Sheet.width
+    high = height if usual else 0.7 * sheet.width * count / beside**2
+    figure = Figure(figsize=(sheet.width, high), layout="constrained", facecolor="white")
+    return figure, figure.subplots(count // beside, beside, squeeze=False).ravel().tolist()
 
 
 def _curves(group: Group, budgets: int = 128) -> Iterator[tuple[Pooled, int, dict[str, Any]]]:
@@ -319,9 +336,12 @@ def _legend(figure: Figure, lines: Sequence[Line2D]) -> None:
         for _, label in named
         if not label.startswith("_child")
     ]
-    columns = min(3 if max(map(len, labels)) > 24 else 4, len(labels))
+    full = figure.get_figwidth() / Sheet.width
+    columns = max(1, min(round((3 if max(map(len, labels)) > 24 else 4) * full), len(labels)))
     rows = -(-len(labels) // columns)
-    figure.set_figheight(figure.get_figheight() + 0.19 * max(0, rows - 6))  # inches: the plots keep theirs
+    figure.set_figheight(
+        figure.get_figheight() + 0.19 * max(0, rows - round(6 * full))
+    )  # inches: the plots keep theirs
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=8)
 
 
@@ -333,11 +353,12 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
             (sorted(len(entry.runs) for entry in group.entries), "scan"),
         )
     )
+    full = figure.get_figwidth() / Sheet.width
     letters = len(group.entries[0].run.about["letters"])
     task = "" if group.task == "defaults" else f"{group.task}; "
     caption = f"{task}{letters} letters, {trials} of {scans}, {group.protocol}. {text}"
     figure.supxlabel(
-        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, 140)),
+        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, int(140 * full))),
         fontsize=7,
         color="#444444",
     )

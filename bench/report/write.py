@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tactsim.bench.config import RunConfig
 from tactsim.bench.cramer_rao import bounds_of_trials
 from tactsim.bench.experiment import silent
-from tactsim.bench.kinds import Pages
+from tactsim.bench.kinds import PLANE, Pages, Sheet
 from tactsim.bench.places import check_page, is_report
 from tactsim.bench.plane import NO_BOUND
 from tactsim.bench.report.curves import COLUMNS, has_curves, tables
@@ -30,16 +30,20 @@ _KINDS = ("png", "svg", "pdf")
 
 
 def write_report(
-    paths: Iterable[Path], out: Path, *, each_seed: bool = False, progress: Progress = silent
+    paths: Iterable[Path],
+    out: Path,
+    *,
+    each_seed: bool = False,
+    progress: Progress = silent,
+    sheet: Sheet = Sheet(),  # noqa: B008  (frozen)
 ) -> tuple[list[Path], list[str]]:
     """Make the report of the runs and sweeps in these folders; returns what `write_pages` does.
 
     Raises InputError for a path that holds no run, for a damaged run, or if `out` cannot be written.
     """
     folders, remarks = find(paths)
-    return write_pages(
-        [(folder, load(folder)) for folder in folders], out, remarks, each_seed=each_seed, progress=progress
-    )
+    runs = [(folder, load(folder)) for folder in folders]
+    return write_pages(runs, out, remarks, each_seed=each_seed, progress=progress, sheet=sheet)
 
 
 def write_pages(
@@ -49,6 +53,7 @@ def write_pages(
     *,
     each_seed: bool = False,
     progress: Progress = silent,
+    sheet: Sheet = Sheet(),  # noqa: B008  (frozen)
 ) -> tuple[list[Path], list[str]]:
     """Make the report of runs, each with the folder that it is known by, at `out`.
 
@@ -64,7 +69,11 @@ def write_pages(
     several = list(dict.fromkeys(run.kind.name for _, run in runs))
     if len(several) > 1:
         raise InputError(f"a report is of runs of one kind, and these are {' and '.join(several)}; make two")
-    return runs[0][1].kind.page(Pages(runs, out, list(remarks), each_seed, progress))
+    if sheet != Sheet() and several != [PLANE]:
+        raise InputError(
+            "--width, --panel and --no-caption are of runs with letters in the plane; leave them out"
+        )
+    return runs[0][1].kind.page(Pages(runs, out, list(remarks), each_seed, progress, sheet))
 
 
 def write_plane_pages(of: Pages) -> tuple[list[Path], list[str]]:
@@ -88,7 +97,7 @@ def write_plane_pages(of: Pages) -> tuple[list[Path], list[str]]:
     from tactsim.bench.report.picture import save
 
     for names, draw, group in pictures:
-        figure = draw(group)
+        figure = draw(group, of.sheet)
         for name in names:
             written.append(out.with_name(f"{prefix}{name}"))
             save(figure, written[-1])
@@ -111,7 +120,7 @@ def _with_bounds(run: Run, scans: dict[str, Scan]) -> Run:
     return replace(run, bounds=bounds)
 
 
-def _pictures(groups: Sequence[Group]) -> Sequence[tuple[list[str], Callable[[Group], Figure], Group]]:
+def _pictures(groups: Sequence[Group]) -> Sequence[tuple[list[str], Callable[[Group, Sheet], Figure], Group]]:
     """List the pictures of a report: the names of their files, what draws them, and of which section.
 
     Where no method has several budgets there is no PNG: the folder of a run has a readings.png of its own.

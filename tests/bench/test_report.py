@@ -21,6 +21,7 @@ from small_runs import make_run_in
 import tactsim
 from tactsim.bench import results, score
 from tactsim.bench.config import run_config
+from tactsim.bench.kinds import Sheet
 from tactsim.bench.placement import Properties, placement_error
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.curves import (
@@ -340,6 +341,23 @@ def test_the_papers_figures_look_different_and_their_legend_lies_on_no_curve():
     assert len(stars) == len(set(stars)) == 2
     assert "the paper: 1.3 mm (10,000 bins)" in [text.get_text() for text in figure.legends[0].get_texts()]
     assert figure.axes[1].get_legend() is None
+
+
+@pytest.mark.parametrize(
+    ("width", "panel", "axes"), [(3.4, "error", 1), (3.4, None, 2), (7.16, "accuracy", 1)]
+)
+def test_a_figure_for_a_column_has_its_width_and_type(width, panel, axes):
+    (group,) = collect(list(with_budgets({1_000: 1, 10_000: 2})))
+    figure = readings_figure(group, Sheet(width, panel, caption=False))
+    figure.canvas.draw()
+    assert figure.get_figwidth() == width
+    assert len(figure.axes) == axes
+    assert {text.get_fontsize() for one in figure.axes for text in (one.yaxis.label, one.xaxis.label)} == {8}
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width <= width * figure.dpi
+    assert figure.get_supxlabel() == ""
+    labels = [one.get_ylabel() for one in figure.axes]
+    assert ("placement error, mm" in labels) == (panel != "accuracy")
 
 
 def test_budgets_beside_crowded_marks_do_not_overlap():

@@ -96,6 +96,19 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
 
 
 @pytest.mark.long
+def test_a_method_of_ones_own_is_asked_the_same_as_those_of_a_sweep(here, tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(
+        '[[run]]\nestimator = ["histogram", "refined"]\nbins = 1000\nseed = [0, 1]\nletters = "AE"\n'
+    )
+    _, configs = sweep.read(str(path), ["nearest"])
+    asked = {(config.estimator, config.seed, config.bins) for config in configs}
+    assert asked >= {("nearest", 0, None), ("nearest", 1, None), ("refined", 1, 1000)}
+    assert len(configs) == 6  # beside each of the two, and done once
+    assert {config.letters for config in configs} == {("A", "E")}
+    refused(here("sweep", "two.toml", "--also", "nearst"), "did you mean 'nearest'")
+
+
 def test_every_suite_can_be_read():
     assert {"quick", "paper"} <= set(sweep.suites())
     for suite in sweep.suites():
