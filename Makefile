@@ -85,7 +85,7 @@ bench-check: $(DEVELOP)  ## is anything slower than at the newest release, or at
 	@$(BIN)/python tests/benchmarks/check.py $(BASE)
 
 # The sweeps that the tables of the documentation are made of.
-TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto sequence presses regions
+TABLES := better paper-better robustness slip open-set active paper paper-like tilt pareto presses regions
 
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
