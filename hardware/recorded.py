@@ -67,6 +67,7 @@ class Replay(Source):
         self._first: dict[str, Any] = {}
         self._corrected, self._read_as = corrected, read_as
         self._correction: Correction | None = None
+        self.calibration: Calibration | None = None  # that corrects
         self._given = 0  # readings of all segments so far
         self._on_note = on_note
         self._reader = RecordReader(self.path)
@@ -159,10 +160,10 @@ class Replay(Source):
     def _correct(self, content: Any) -> None:
         """Correct what follows by the calibration that was recorded with it."""
         self.calibrated = self._corrected and content is not None
-        self._correction = None
+        self._correction = self.calibration = None
         if self.calibrated:
-            calibration = checked(Calibration, content, "calibration of a segment")
-            self._correction = Correction(calibration, self.pad)
+            self.calibration = checked(Calibration, content, "calibration of a segment")
+            self._correction = Correction(self.calibration, self.pad)
         taxel_xy = self.pad.taxel_xy if self._correction is None else self._correction.taxel_xy
         if self.segments and not np.array_equal(taxel_xy, self.taxel_xy):
             raise InputError("its segments leave out different taxels; `bench replay --scan` can join them")

@@ -71,7 +71,8 @@ def open_source(
     try:
         if isinstance(log, Recorder) and not source.has_bytes:
             source = Recorded(source, log)
-        return source if calibration is None else Corrected(source, calibration, places[0])
+        as_recorded = calibration == getattr(source, "calibration", None)
+        return source if calibration is None or as_recorded else Corrected(source, calibration, places[0])
     except InputError:
         source.close()
         raise

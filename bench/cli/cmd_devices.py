@@ -217,14 +217,20 @@ def command_tare(
             "Fits the taxels' gains."
         ),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the file, such as this morning's tare.")
+    ] = False,
 ) -> None:
     """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
     from tactsim.bench.console import plain_console
+    from tactsim.bench.pad.simulated_hand import touch_above
     from tactsim.bench.places import check_new_file
+    from tactsim.bench.watching.watch_screen import counters_shown
     from tactsim.hardware.calibration import take_tare, with_gain
     from tactsim.hardware.sources import open_source
 
-    check_new_file(out)
+    if not (force and out.is_file()):
+        check_new_file(out)
     if (load is None) != (calibration is None):
         raise InputError("gains need both --load and --calibration, the tare that they are added to")
     pressure = None if load in (None, "even") else _pressure(str(load))
@@ -240,8 +246,13 @@ def command_tare(
     result.save(out)
     console = plain_console()
     low, high = (pads.rounded(end, 2) for end in (min(result.tare), max(result.tare)))
-    console.print(f"{len(result.tare)} taxels: zero {low} to {high} kPa, from {result.frames} frames")
-    console.print(f"noise {sorted(result.noise)[len(result.noise) // 2]:.2f} kPa (median taxel)")
+    noise = sorted(result.noise)[len(result.noise) // 2]
+    touch = max(described.touch_kpa, touch_above(max(result.noise)))
+    console.print(
+        f"zero of {len(result.tare)} taxels: {low} to {high} kPa, from {result.frames} readings, noise {noise:.2f} "
+        f"kPa: a session takes a touch for one from {touch:.1f} kPa on",
+        soft_wrap=True,
+    )
     if tare is not None:
         console.print(f"gain {min(result.gain):.3f} to {max(result.gain):.3f}")
     for name, taxels in (("stuck", result.stuck), ("dead", result.dead)):
@@ -252,8 +263,9 @@ def command_tare(
             f"{described.called(taxel)}, {result.tare[taxel]:.1f} kPa" for taxel in result.loaded
         )
         console.print(f"always loaded, though nothing touches the pad, and left out: taxels {said}")
-    console.print(pads.counters_line(counters))
-    console.print(f"written to {out}")
+    if wrong := counters_shown(counters):
+        console.print(f"on the line: {wrong}")
+    console.print(f"written to {out}; the other verbs take it by --calibration {out}", soft_wrap=True)
 
 
 def _pressure(text: str) -> float:

@@ -52,7 +52,11 @@ def command_emulate(
         typer.Option(help="With --plan: write what was pressed when, for `bench replay --marks`."),
     ] = None,
     shapes: Annotated[
-        list[Path] | None, typer.Option("--shape", help="A shape that the plan names; repeat for several.")
+        list[Path] | None,
+        typer.Option(
+            "--shape",
+            help="A shape that the plan, or the session that is followed, names; repeat for several.",
+        ),
     ] = None,
     world: Annotated[
         str, typer.Option(help="How the pad is pressed and what it reads: a world's name, or a file.")
@@ -86,15 +90,17 @@ def command_emulate(
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
     from tactsim.hardware.emulator.hand import Timing
-    from tactsim.press.simulated_source import on_pad_of, sensing
+    from tactsim.press.simulated_source import sensing
 
     described = load_device(device)
     if described.ports > 1:
         raise InputError(f"{described.name} has {described.ports} ports; only pads on one port are emulated")
     if letter is not None and follow is not None:
         raise InputError("--follow takes the letter from the session; leave --letter out")
-    if plan is None and (out or marks or shapes):
-        raise InputError("--out, --marks and --shape belong to --plan, which says what a robot presses")
+    if plan is None and (out or marks):
+        raise InputError("--out and --marks belong to --plan, which says what a robot presses")
+    if plan is None and follow is None and shapes:
+        raise InputError("--shape is what --plan or the session of --follow names")
     if plan is not None and (letter is not None or follow is not None or out is None):
         raise InputError(
             "--plan says what is pressed, and --out where it is recorded; --letter and --follow do not"
@@ -108,9 +114,7 @@ def command_emulate(
             "times presses, and nothing is pressed; say what with --letter, --follow or --plan",
         )
     words = {"world": world, "scan_set": key_values(scan_set or (), "--scan-set"), "seed": seed}
-    options = on_pad_of(
-        described, scan_options(**words, letters="none" if shapes else None, shapes=shapes or ())
-    )
+    options = scan_options(**words, pad=device, letters="none" if shapes else None, shapes=shapes or ())
     if not slip_of_world(world).still:
         plain_console(stderr=True).print("the world's slip moves nothing here: what is pressed lies still")
     rng = np.random.default_rng(seed)
@@ -197,19 +201,24 @@ def _pressing(
     import numpy as np
 
     from tactsim.hardware.emulator.hand import SHARES, Follower, Pressing
+    from tactsim.models import shape
     from tactsim.press.simulated_source import parse_pose, press_table, rising_table
 
     if letter is not None:
         table = rising_table(letter, parse_pose(pose)[None], options, rng, SHARES)
         return timing.pressing(table, again=True)
+    own = {of.name: of for of in map(shape, options.shapes)}
     if follow is None:
         nothing = np.zeros(options.pad.taxels)
         return lambda now: nothing
     return Pressing(
         options.pad.taxels,
         Follower(
-            follow, lambda plan: press_table(plan.label, np.array(plan.poses), options, rng), timing.hold,
-            timing.lift,
+            follow,
+            lambda plan: press_table(
+                own.get(plan.label, plan.label), np.array(plan.poses), options, rng
+            ),
+            timing.hold, timing.lift,
         ),
     )  # fmt: skip
 

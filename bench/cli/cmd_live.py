@@ -164,6 +164,7 @@ def command_watch(
     described, correction = pads.load(device, calibration)
     console = plain_console()
     with open_source(port, described) as opened:
+        correction = None if correction == getattr(opened, "calibration", None) else correction
         source, played = pads.played(opened, described)
         reader = PadReader(source, played, " ".join(port), correction)
         page = WebPage(reader, web_port, from_behind=seen == "behind") if web else None

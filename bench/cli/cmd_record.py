@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
     from tactsim.hardware.session import Plan
+    from tactsim.models import Letter
 
 
 def command_record(
@@ -26,11 +27,23 @@ def command_record(
     out: Annotated[
         Path,
         typer.Option(
-            help="With --letter: the scan to write, .npz, its recording beside it. Else the recording, .tactrec."
+            help="With --letter or --shape: the scan to write, .npz, its recording beside it. Else the recording, "
+            ".tactrec."
         ),
     ],
     letter: Annotated[
-        str | None, typer.Option(help="The letter to press: leads through its 4 x 4 x 12 presses.")
+        str | None,
+        typer.Option(
+            help="The letter to press, or a label of your own: leads through its 4 x 4 x 12 presses."
+        ),
+    ] = None,
+    shape_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--shape",
+            help="An object of your own to press, a drawing or mesh whose name is the label: leads through the presses "
+            "of the grid that touch it.",
+        ),
     ] = None,
     split: Annotated[str, typer.Option(help="What the presses are for: train or test.")] = "train",
     device: pads.DeviceName = "emulated",
@@ -51,26 +64,41 @@ def command_record(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of poses that are drawn.")] = 0,
 ) -> None:
-    """Record a pad: with --letter a guided session that makes a scan, else all it says."""
+    """Record a pad: with --letter or --shape a guided session that makes a scan, else all it says."""
+    from tactsim.models import shape
+
+    if letter is not None and shape_file is not None:
+        raise InputError(
+            f"--shape {shape_file} is called after its file; leave --letter out, or rename the file"
+        )
+    pressed = None if shape_file is None else shape(shape_file)
+    letter = letter if pressed is None else pressed.name
     if letter is None:
         names = ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed")
         refuse_typed(
-            context, names, "is for a guided session; say what is pressed with --letter, or leave it out"
+            context,
+            names,
+            "is for a guided session; say what is pressed with --letter or --shape, or leave it out",
         )
     else:
-        why = "is for a recording of all that a pad says; a session of --letter ends by itself"
+        why = "is for a recording of all that a pad says; a session of --letter or --shape ends by itself"
         refuse_typed(context, ("seconds",), why)
     _check_name(out, ".tactrec" if letter is None else ".npz")
     described, correction = pads.load(device, calibration)
     if letter is None:
         _record_all(port, out, described, correction, seconds)
         return
+    from tactsim.bench.pad import known_letter
     from tactsim.core.checking import checked
     from tactsim.hardware.session import Plan
 
     settings = pads.plan_settings(port, described, correction, frames, force, patience)
-    plan = {"label": letter, "split": split, "poses": _poses(poses, seed, described.pad, letter)} | settings
-    _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen)
+    plan = {
+        "label": letter,
+        "split": split,
+        "poses": _poses(poses, seed, described.pad, pressed or known_letter(letter), pressed is not None),
+    } | settings
+    _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen, pressed)
 
 
 def _record_session(
@@ -81,9 +109,10 @@ def _record_session(
     plan: Plan,
     resume: bool,
     seen: pads.Side,
+    pressed: Letter | None,
 ) -> None:
     from tactsim.bench.console import plain_console
-    from tactsim.bench.pad import taken_as_letters, with_letters
+    from tactsim.bench.pad import known_letter, taken_as_letters, with_letters, with_objects
     from tactsim.bench.pad.guided import record
     from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
@@ -91,17 +120,25 @@ def _record_session(
 
     check_new_file(out)
     journal, console = out.with_suffix(SUFFIX), plain_console()
-    sitting = record(pads.station(port, device, calibration, seen, console), plan, journal, resume=resume)
+    if pressed is None and known_letter(plan.label) is None:
+        console.print(
+            f"{plan.label!r} is no letter of the catalogue: it is a label of your own, and the guide draws its origin "
+            "and x axis alone; --shape FILE draws an object",
+            soft_wrap=True,
+        )
+    station = pads.station(port, device, calibration, seen, console)
+    sitting = record(station, plan, journal, resume=resume, pressed=pressed)
     console.print(pads.counters_line(sitting.counters))
     if not sitting.done:
         console.print(
             f"{sitting.presses} of {len(plan.poses)} presses are in {journal}; the same command with --resume goes on"
         )
         return
-    scan = with_letters(scan_of_sessions([journal]))
+    scan = scan_of_sessions([journal])
+    scan = with_letters(scan) if pressed is None else with_objects(scan, [pressed])
     scan.save(out)
     console.print(f"{len(scan)} readings of {plan.label} in {out}; the bytes are in {journal}")
-    for line in taken_as_letters(scan):
+    for line in taken_as_letters(scan) if pressed is None else ():
         console.print(line)
 
 
@@ -158,22 +195,27 @@ def _check_name(out: Path, suffix: str) -> None:
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
-def _poses(text: str, seed: int, pad: Pad, label: str) -> list[tuple[float, ...]]:
+def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, touching: bool) -> list[tuple[float, ...]]:
     import numpy as np
 
-    from tactsim.bench.pad import known_letter
+    from tactsim.bench.pad import on_object
     from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
-    stage = stage_for(pad, known_letter(label))
+    stage = stage_for(pad, pressed)
     poses = grid_poses(stage)
+    if touching and pressed is not None:
+        poses = poses[on_object(poses, pad, pressed)]
     kind, _, number = text.partition(":")
     count = whole_number(number)
     if kind == "spread" and count is not None and 1 <= count <= len(poses):
         poses = np.random.default_rng(seed).permutation(poses)
         poses = poses[spread_out(poses, count)]
     elif kind == "random" and count is not None and 1 <= count <= 100_000:
-        poses = random_poses(np.random.default_rng(seed), count, stage.reach)
+        more = 1 if not touching else -(-4 * stage.poses // len(poses))  # since some touch nothing
+        poses = random_poses(np.random.default_rng(seed), more * count, stage.reach)
+        if touching and pressed is not None:
+            poses = poses[on_object(poses, pad, pressed)][:count]
     elif text != "grid":
         raise InputError(
             f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"

@@ -64,7 +64,7 @@ def command_replay(
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
-    from tactsim.bench.pad import taken_as_letters, with_letters, with_shapes
+    from tactsim.bench.pad import known_letter, taken_as_letters, with_letters, with_shapes
     from tactsim.bench.places import check_new_file
     from tactsim.bench.trials import check_labels
     from tactsim.core.idle import settled
@@ -82,8 +82,6 @@ def command_replay(
         raise InputError("--csv and --marks take one recording at a time")
     if letters is not None and marks is None:
         raise InputError("--letters says what labels of --marks are; guided sessions are of letters by name")
-    if shapes and marks is None:
-        raise InputError("--shape says which shapes --marks names; guided sessions are of letters by name")
     if cut is None:
         refuse_typed(context, ("stride",), "says how far cuts are apart; say how large they are with --cut")
     if scan is None:
@@ -121,7 +119,9 @@ def command_replay(
                 made = scan_of_intervals(source, read_intervals(marks), wanted, share)
         check_labels(made.letters)
         made, told = settled(made, zero, frames)
-        made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else None)
+        drawn = {Path(each).stem for each in shapes or ()}
+        called = [name for name in made.letters if known_letter(name) and name not in drawn]
+        made = with_letters(made, parse_letters(letters) if letters else () if marks is not None else called)
         taken = taken_as_letters(made)
         made = with_shapes(made, shapes or ())
         if window is not None:

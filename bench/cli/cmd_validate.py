@@ -12,6 +12,7 @@ from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.pad_options import rounded
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.pad.validation import ROWS, TOUCHES
+from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
     from tactsim.bench.pad.validation import Validation
@@ -81,11 +82,14 @@ def command_validate(
 _TRAINED = {"simulated": "simulated", "fitted": "as fitted", "recorded": "recorded"}
 
 _ALL = float("inf")
+_NOISE_ALONE = 1.2  # times the noise: more is left of a fit than noise, which intervals take it for
 
 
 def show(result: Validation, out: Path | None, recorded: Path) -> None:
     """Print the report. out: where the world was written, if it was; recorded: the recording's file."""
     console = plain_console()
+    for line in verdict(result):
+        console.print(line, style="bold", soft_wrap=True)
     split = "training" if result.trained_apart else "recorded"
     console.print(
         f"{result.readings:,} recorded readings of {' '.join(result.letters)}, {result.taxels} taxels, in "
@@ -109,6 +113,30 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         console.print(
             f"  bench run --estimator {name} --scan {recorded} --train-scan fitted.npz", soft_wrap=True
         )
+
+
+def verdict(result: Validation) -> list[str]:
+    """Say in three lines what a fit is good for: how near it comes, what that is worth, and what to doubt."""
+    before, after = (result.errors[name] for name in ("as_it_is", "held_out_placed"))
+    name, sides = next(iter(result.recognition.items()))
+    k = min(5, *(len(figures["accuracy"]) for figures in sides.values()))
+    shares = ", ".join(
+        f"{_TRAINED[side]} {figures['accuracy'][k - 1]:.2f}" for side, figures in sides.items()
+    )
+    fit = result.fit
+    ratio = fit.misfit / fit.noise if fit.noise else _ALL
+    noise = f"what no fit explains is {ratio:.1f} times the noise" if ratio < _ALL else "there is no noise"
+    doubt = (
+        f"{noise}: the intervals below, above all of curve, gain and load, are too narrow"
+        if ratio > _NOISE_ALONE
+        else f"{noise}, so the intervals below hold"
+    )
+    return [
+        f"near    presses that were held out are off by {100 * after.relative:.0f} % of the contact as fitted, by "
+        f"{100 * before.relative:.0f} % as simulated",
+        f"worth   {name} is right after {counted(k, 'touch')}, by what it was trained on: {shares}",
+        f"doubt   {doubt}",
+    ]
 
 
 def _show_errors(console: Console, result: Validation) -> None:

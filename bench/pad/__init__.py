@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.errors import some
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, transform
 from tactsim.core.seeds import stream
 from tactsim.hardware.recording import SUFFIX
 from tactsim.hardware.scans import scan_of_sessions
 from tactsim.models import Letter, letter, names, shape
+from tactsim.press.clip import covers
 from tactsim.press.scan_poses import random_poses, stage_for
 from tactsim.press.scanning import object_facts
 
@@ -72,6 +73,14 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
     return with_letters(replace(kept, meta={**scan.meta, "readings_a_trial": readings}))
 
 
+def on_object(poses: FloatArray, pad: Pad, pressed: Letter) -> NDArray[np.bool_]:
+    """Tell at which poses (n, 3) sensor_in_object a taxel lies on the object, by its corners and its middle."""
+    half = np.array([pad.taxel_width, pad.taxel_height]) / 2
+    corners = half * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
+    points = (pad.taxel_xy[:, None] + corners).reshape(-1, 2)
+    return np.array([covers(pressed.contours, transform(pose, points)).any() for pose in poses])
+
+
 def known_letter(label: str) -> Letter | None:
     """Build the letter of the catalogue that a label names; None if there is none."""
     return letter(label) if label in names() else None
@@ -92,13 +101,16 @@ def with_letters(scan: Scan, letters: Collection[str] | None = None) -> Scan:
 
 
 def with_shapes(scan: Scan, paths: Sequence[Path]) -> Scan:
-    """Add to the scan's `meta` what scores need to know of the objects that are called like these files of shapes.
+    """Add to the scan's `meta` what scores need to know of these files of shapes; see `with_objects`."""
+    return with_objects(scan, list(map(shape, paths))) if paths else scan
 
-    Raises InputError for a shape that no label names, and for a label that is a letter of the catalogue already.
+
+def with_objects(scan: Scan, pressed: Sequence[Letter]) -> Scan:
+    """Add to the scan's `meta` what scores need to know of the objects that are called like these.
+
+    Raises InputError for one that no label names, and for a label that is a letter of the catalogue already.
     """
-    if not paths:
-        return scan
-    shapes = {of.name: of for of in map(shape, paths)}
+    shapes = {of.name: of for of in pressed}
     known = scan.meta.get("objects", {})
     for name in shapes:
         if name not in scan.letters:

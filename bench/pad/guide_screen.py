@@ -10,13 +10,13 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from tactsim.bench.pad import known_letter
 from tactsim.bench.watching import PadView
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 from tactsim.hardware.calibration import force
 from tactsim.hardware.session import Phase, Press, Session, count_taken
 from tactsim.hardware.terminal_pictures import Covers, on_template, placement, tactile_image, where
+from tactsim.models import Letter
 from tactsim.press.clip import covers
 
 _KEYS = "space take it as it is   r redo the last   s skip   t tare   q stop (it goes on later)"
@@ -32,11 +32,17 @@ class Screen:
     taxel_xy: (taxels, 2) mm of the readings that the session takes; some of the pad's may be left out.
     """
 
-    def __init__(self, session: Session, from_behind: bool, console: Console, title: str = "") -> None:
-        """Show a session, with the letter's shape if it is known. title: what stands before the letter's name."""
+    def __init__(
+        self,
+        session: Session,
+        from_behind: bool,
+        console: Console,
+        title: str = "",
+        pressed: Letter | None = None,
+    ) -> None:
+        """Show a session. title: what stands before the object's name. pressed: the object, if its shape is known."""
         self._session, self.taxel_xy = session, session.pad.taxel_xy
-        known = known_letter(session.plan.label)
-        self._covers: Covers | None = None if known is None else partial(covers, known.contours)
+        self._covers: Covers | None = None if pressed is None else partial(covers, pressed.contours)
         self._from_behind, self._console, self._title = from_behind, console, title
         self._said: set[tuple[int, str]] = set()  # without a picture: what was said of which press
 

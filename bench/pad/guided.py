@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from tactsim.bench.pad import poses_to_press, recording_of
+from tactsim.bench.pad import known_letter, poses_to_press, recording_of
 from tactsim.bench.pad.guide_screen import Screen
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
 from tactsim.bench.watching import PadReader, PadView
@@ -32,7 +32,7 @@ from tactsim.hardware.scans import read_session
 from tactsim.hardware.session import Leader, Phase, Plan, Press, Session, Tare, count_taken, parse_mark
 from tactsim.hardware.session import note as enter
 from tactsim.hardware.sources import Recorded, open_source, taxels_of
-from tactsim.models import letter
+from tactsim.models import Letter, letter
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,18 @@ class Sitting:
 
 
 def record(
-    station: Station, plan: Plan, journal: Path, *, resume: bool, title: str = "", notice: str = ""
+    station: Station,
+    plan: Plan,
+    journal: Path,
+    *,
+    resume: bool,
+    title: str = "",
+    notice: str = "",
+    pressed: Letter | None = None,
 ) -> Sitting:
     """Record the presses of a plan, or with `resume` those that `journal` does not have yet.
 
-    notice: is said once the pad is open.
+    notice: is said once the pad is open. pressed: the object, by default the letter that the plan's label names.
 
     Raises InputError if the journal is of another session or pad, exists (without `resume`), or the pad cannot be
     opened.
@@ -87,7 +94,14 @@ def record(
     if not resume and journal.exists():
         raise InputError(f"{journal} exists; name another file, or go on with its session by `--resume`")
     session = Session(plan, station.device.pad, presses)
-    screen = Screen(session, station.from_behind, station.console, title)
+    pressed = known_letter(plan.label) if pressed is None else pressed
+    screen = Screen(session, station.from_behind, station.console, title, pressed)
+    if not station.console.is_terminal and plan.patience is None and (notice or not title):
+        station.console.print(
+            f"{plan.label}: {count_taken(presses)} of {len(plan.poses)} presses; this is no terminal: the guide draws "
+            "nothing and takes no keys (of a machine that presses say --patience)",
+            soft_wrap=True,
+        )
     with Recorder(journal, append=resume) as recorder:
 
         def note(press: Press) -> None:
@@ -105,7 +119,7 @@ def record(
 
         leader = Leader(session, first, note)
         recorder.segment(station.segment(plan, station.calibration), time.monotonic())
-        with _open(station, leader, recorder, new=not resume) as source:
+        with _open(station, leader, recorder, pressed, new=not resume) as source:
             screen.taxel_xy, places = source.taxel_xy, taxels_of(source)
             session.called = lambda k: station.device.called(int(places[k]))
             if notice:
@@ -133,7 +147,7 @@ def _lead(leader: Leader, reader: PadReader, screen: Screen, console: Console) -
         )  # fmt: skip
 
 
-def _open(station: Station, leader: Leader, recorder: Recorder, new: bool) -> Source:
+def _open(station: Station, leader: Leader, recorder: Recorder, pressed: Letter | None, new: bool) -> Source:
     """Open the pad, or let a simulated hand press what the leader asks for."""
     if station.ports != [PLACE]:
         return open_recorded(station.ports, station.device, station.calibration, recorder, new)
@@ -141,7 +155,7 @@ def _open(station: Station, leader: Leader, recorder: Recorder, new: bool) -> So
         if station.calibration is not None:
             raise InputError(f"{PLACE} has no zero to correct and needs no calibration")
         plan = leader.session.plan
-        hand = SimulatedHand(letter(plan.label), np.array(plan.poses), station.device, seed=0)
+        hand = SimulatedHand(pressed or letter(plan.label), np.array(plan.poses), station.device, seed=0)
         hand.asked = leader.asked
         return Recorded(hand, recorder)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator
 
 from tactsim.core.checking import Settings
 from tactsim.core.poses import FloatArray
@@ -405,7 +405,10 @@ class DeadTaxels(Effect):
     """Some taxels are dead."""
 
     facts = Facts("dead_taxels", off=(), learned=True)
-    dead_taxels: tuple[Annotated[int, Field(ge=0)], ...] = Field((), description="taxels that read 0")
+    dead_taxels: Annotated[
+        tuple[Annotated[int, Field(ge=0)], ...],
+        BeforeValidator(lambda words: words.replace(",", " ").split() if isinstance(words, str) else words),
+    ] = Field((), description="taxels that read 0, like 3,47")
 
     def apply(self, readings: FloatArray, drawn: FloatArray, at: Frames) -> FloatArray:
         """Read 0 there."""

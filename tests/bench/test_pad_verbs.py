@@ -58,7 +58,9 @@ def test_an_emulated_pad_that_is_ended_leaves_no_link(bench, tmp_path):
 def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     with emulated(bench, "--port", "pty:pad", "--follow", "A.tactrec", "--rate", "200", "--lift", "0.2",
                   "--scan-set", "placement_tilt=0"):  # fmt: skip
-        assert "36 taxels" in right(here("tare", "--port", "pad", "--out", "cal.toml"))
+        assert "zero of 36 taxels" in right(here("tare", "--port", "pad", "--out", "cal.toml"))
+        refused(here("tare", "--port", "pad", "--out", "cal.toml"), "cal.toml")
+        right(here("tare", "--port", "pad", "--out", "cal.toml", "--force"))
         words = [
             "record", "--port", "pad", "--letter", "A", "--calibration", "cal.toml", "--out", "A.npz",
             "--poses", "spread:5", "--frames", "10",
@@ -82,12 +84,44 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
     assert "finished" in again
     assert "2 segments" in again
     assert "readings are as they were tared" in again
+    right(here("replay", "A.tactrec", "--calibration", "cal.toml"))  # the recorded one
+    (tmp_path / "other.toml").write_text(
+        (tmp_path / "cal.toml").read_text().replace("frames = 100", "frames = 99")
+    )
+    refused(here("replay", "A.tactrec", "--calibration", "other.toml"), "give none")
     (tmp_path / "copy.tactrec").write_bytes((tmp_path / "A.tactrec").read_bytes())
     for twin in ("A.tactrec", "./A.tactrec", "copy.tactrec"):
         refused(here("replay", "A.tactrec", twin, "--scan", "twice.npz"), "same recording as A.tactrec")
     assert not (tmp_path / "twice.npz").exists()
     assert Scan.load(tmp_path / "again.npz").digest == scan.digest
     assert (tmp_path / "readings.csv").read_text().startswith("s,host_s,device_s,index,taxel_0")
+
+
+@pytest.mark.long
+def test_an_object_of_ones_own_is_drawn_and_pressed_where_it_is(here, tmp_path):
+    (tmp_path / "bar.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="6mm" viewBox="0 0 30 6">'
+        '<rect width="30" height="6"/></svg>'
+    )
+    words = ["record", "--port", "simulated:hand", "--poses", "spread:12", "--frames", "5"]
+    out = right(here(*words, "--shape", "bar.svg", "--out", "bar.npz"))
+    assert "12 readings of bar in bar.npz" in out
+    scan = Scan.load(tmp_path / "bar.npz")
+    assert scan.readings.max(axis=1).min() > 5
+    assert scan.meta["objects"]["bar"]["symmetry"] == 2
+    refused(here(*words, "--shape", "bar.svg", "--letter", "A", "--out", "A.npz"), "leave --letter out")
+    right(here("replay", "bar.tactrec", "--scan", "again.npz", "--shape", "bar.svg"))
+    assert Scan.load(tmp_path / "again.npz").digest == scan.digest
+
+
+@pytest.mark.long
+def test_without_a_terminal_a_session_says_so_at_once(bench, tmp_path):
+    with emulated(bench, "--port", "pty:pad"):
+        session = bench.start("record", "--port", "pad", "--letter", "mug", "--out", "mug.npz")
+        assert "'mug' is no letter of the catalogue" in session.stdout.readline()
+        assert "no terminal" in session.stdout.readline()
+        session.send_signal(signal.SIGINT)
+        session.communicate(timeout=30)
 
 
 def _marks(folder):
