@@ -2,7 +2,7 @@
 
     python examples/hand/grasp.py FOLDER [--seconds 10] [ball] [egg] [letter]
 
-Writes a picture, hand.png, and a film, hand.gif, to the folder, and says what each pad carries.
+Writes pictures, hand.png and attached-sites.png, and a film, hand.gif, to the folder, and says what each pad carries.
 """
 
 from __future__ import annotations
@@ -90,8 +90,10 @@ def grasp(
             yield model, data, [reader.read(data) for reader in readers]
 
 
-def triangles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """List what is seen of a scene but for the table: corners (n, 3, 3) m, and colours (n, 3)."""
+def triangles(
+    model: mujoco.MjModel, data: mujoco.MjData
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """List what is seen of a scene but for the table: corners (n, 3, 3) m, colours (n, 3), how many are of sites."""
     corners, colours = [], []
     for geom in range(model.ngeom):
         kind, size = model.geom_type[geom], model.geom_size[geom]
@@ -110,20 +112,32 @@ def triangles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.fl
             shape = trimesh.creation.icosphere(3, size[0])
         corners.append(shape.triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
         colours.append(np.tile(model.geom_rgba[geom, :3], (len(shape.triangles), 1)))
-    return np.concatenate(corners), np.concatenate(colours)
+    of_geoms = sum(map(len, corners))
+    for site in range(model.nsite):  # taxels, and arrows where pads look
+        size = model.site_size[site]
+        if model.site_type[site] == mujoco.mjtGeom.mjGEOM_BOX:
+            shape = trimesh.creation.box(2 * size)
+        else:
+            shape = trimesh.creation.cylinder(size[0], 2 * size[1], sections=16)
+        corners.append(shape.triangles @ data.site_xmat[site].reshape(3, 3).T + data.site_xpos[site])
+        colours.append(np.tile(model.site_rgba[site, :3], (len(shape.triangles), 1)))
+    whole = np.concatenate(corners)
+    return whole, np.concatenate(colours), len(whole) - of_geoms
 
 
-def draw_scene(axes, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+def draw_scene(axes, model: mujoco.MjModel, data: mujoco.MjData, turn: float = np.radians(38)) -> None:
     """Draw a scene on Matplotlib axes, seen from one side and from above: what is nearer over what is farther."""
-    turn, lean = np.radians(38), np.radians(14)
+    lean = np.radians(14)
     right = np.array([np.cos(turn), np.sin(turn), 0])
     towards = np.array([np.sin(turn) * np.cos(lean), -np.cos(turn) * np.cos(lean), np.sin(lean)])
     up = np.cross(towards, right)
-    corners, colours = triangles(model, data)
+    corners, colours, on_top = triangles(model, data)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     light = 0.45 + 0.55 * np.clip(normals @ (0.5 * towards + 0.75 * up - 0.4 * right), 0, 1)
-    order = np.argsort(corners.mean(axis=1) @ towards)
+    depth = corners.mean(axis=1) @ towards
+    depth[len(depth) - on_top :] += 0.005  # m: a taxel lies on what it is drawn over
+    order = np.argsort(depth)
     order = order[normals[order] @ towards > 0]
     flat = np.stack([corners @ right, corners @ up], axis=-1)[order]
     shaded = np.clip(colours * light[:, None], 0, 1)[order]
@@ -154,6 +168,20 @@ def draw_pads(axes, readings: Sequence[tactsim.press.PadReading], most: float) -
         )
         each.set_title(f"{name}\n{reading.force - reading.outside:.1f} N", fontsize=8)
         each.set(xticks=[], yticks=[], xlim=(-5, 5), ylim=(-9, 9))
+
+
+def sites(path: Path) -> None:
+    """Draw where the thumb's pad lies and looks, before a step is made."""
+    spec = mujoco.MjSpec.from_file(str(HAND))
+    tactsim.press.attach(spec, "thumbtip", FOIL, normal=(0, 1, 0)).show()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    figure = Figure(figsize=(5, 4), layout="constrained")
+    axes = figure.subplots()
+    draw_scene(axes, model, data, turn=np.radians(150))
+    axes.set(xlim=(-0.06, 0.02), ylim=(0.015, 0.079))
+    figure.savefig(path, dpi=110)
 
 
 def film(folder: Path, names: Sequence[str], seconds: float) -> None:
@@ -213,6 +241,7 @@ def main() -> None:
     if unknown := [name for name in given.objects if name not in OBJECTS]:
         parser.error(f"unknown object {unknown[0]!r}: known are {', '.join(OBJECTS)}")
     given.folder.mkdir(parents=True, exist_ok=True)
+    sites(given.folder / "attached-sites.png")
     film(given.folder, given.objects, given.seconds)
 
 

@@ -149,6 +149,7 @@ _THIN = 1.0  # mm between two arrays, below which they are on each other
 _WITHIN = 0.01  # mm from an array's rim to the first of the points that may not lie on another array
 _ACROSS = 50  # of these points
 _ASKEW = 0.4  # by which no part of a unit vector may change
+_RED, _GREEN, _BLUE = (1.0, 0.2, 0.1, 1.0), (0.1, 0.8, 0.2, 1.0), (0.2, 0.5, 1.0, 1.0)
 _UNFELT = [int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF)]
 
 
@@ -162,6 +163,35 @@ class AttachedPad:
     normal: FloatArray
     at: FloatArray
     layer: Layer
+    spec: mujoco.MjSpec | None = None
+
+    def show(self) -> None:
+        """Add a site for each taxel to the spec, with an arrow where the pad looks, for any viewer to draw.
+
+        The first taxel is red, the last of its row green: from one to the other runs x. Sites have no part in the
+        motion. Raises InputError as `bind` does, and for a pad that was attached to a compiled model.
+        """
+        first = self.geoms[0]
+        if self.spec is None or not isinstance(first, mujoco.MjsGeom):
+            raise InputError("sites are added to a spec, and the pad was attached to a compiled model")
+        reader, size = self.bind(self.spec.compile()), [self.pad.taxel_width, self.pad.taxel_height, 0.2]
+        axes, origin = reader.frame_in_body()
+        lines = reader.surface.lines(*np.ascontiguousarray(self.pad.taxel_xy.T))
+        normals, quat = np.broadcast_to(lines.normals, lines.points.shape), np.empty(4)
+        for taxel, (point, z) in enumerate(zip(lines.points, normals, strict=True)):
+            x = np.cross([0.0, 1.0, 0.0], z)
+            x /= np.linalg.norm(x)
+            mujoco.mju_mat2Quat(quat, (axes @ np.column_stack([x, np.cross(z, x), z])).ravel())
+            colour = _RED if taxel == 0 else _GREEN if taxel == self.pad.columns - 1 else _BLUE
+            first.parent.add_site(
+                type=mujoco.mjtGeom.mjGEOM_BOX, pos=(axes @ point + origin) / 1e3, quat=quat,
+                size=np.array(size) * 0.45e-3, rgba=colour,
+            )  # fmt: skip
+        ends = [(origin + length * axes[:, 2]) / 1e3 for length in (0.0, 2 * max(size))]
+        first.parent.add_site(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=np.concatenate(ends), rgba=_RED,
+            size=[0.1e-3 * max(size)] * 3,
+        )  # fmt: skip
 
     def bind(self, model: mujoco.MjModel) -> PadReader:
         """Find the geom in the compiled model.
@@ -253,7 +283,15 @@ def attach(
     direction = _vector(normal, 3, "normal")
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
-    return AttachedPad(geoms, name, pad, direction, _vector(at, 2, "at"), layer)
+    return AttachedPad(
+        geoms,
+        name,
+        pad,
+        direction,
+        _vector(at, 2, "at"),
+        layer,
+        None if isinstance(spec, mujoco.MjModel) else spec,
+    )
 
 
 def bind(model: mujoco.MjModel, pads: Iterable[AttachedPad]) -> list[PadReader]:

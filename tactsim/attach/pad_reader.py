@@ -24,12 +24,13 @@ from tactsim.attach.geom_gap import Body, body_of
 from tactsim.attach.pad_kernels import Taxels
 from tactsim.attach.pad_press import Contacts, Frames, press
 from tactsim.attach.pad_surface import PadSurface
-from tactsim.core.errors import InputError, short
+from tactsim.core.errors import InputError, counted, short
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
 
 _MM = 1e3  # mm in a metre
 _KPA = 1e3  # kPa in a N/mm^2
+_NONE = 1e-6  # of a force, which is none
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 
 
@@ -49,7 +50,8 @@ class PadReading:
     friction, shared as its pressure is. force: N, the sum of MuJoCo's normal contact forces on the geom. outside: N,
     the part of `force` that the pad does not carry, because it acts on the geom beside the pad. shear: (3,) N, the
     friction on the geom in the pad's frame. contacts: how many carry force. found: whether the search found all that
-    touches; where it did not, kpa may be off by more than docs/attach.md says.
+    touches; where it did not, kpa may be off by more than docs/attach.md says. beside_mm: how far from the pad's rim
+    the farthest contact lies on the surface, where there is an `outside`. str(reading) says all in a line.
     """
 
     kpa: FloatArray
@@ -59,6 +61,16 @@ class PadReading:
     shear: FloatArray
     contacts: int
     found: bool = True
+    beside_mm: float = 0.0
+
+    def __str__(self) -> str:
+        """Say in a line how large the load is, where it presses most, and how much of it acts beside the pad."""
+        line = f"{self.force:.2f} N in {counted(self.contacts, 'contact')}"
+        if self.force > self.outside + _NONE * self.force:
+            line += f"; taxel {int(self.kpa.argmax())} reads most, {self.kpa.max():.1f} kPa"
+        if self.outside > _NONE * self.force:
+            line += f"; {self.outside:.2f} N acts beside the pad, up to {self.beside_mm:.1f} mm from its rim"
+        return line
 
 
 class PadReader:
@@ -140,8 +152,17 @@ class PadReader:
                 images += image
                 sums += figures
         force, inside, _, _, _, count, lost = sums.tolist()
-        kpa = _KPA / self._area * images
-        return PadReading(kpa[0], kpa[1:].T, force, force - inside, sums[2:5], int(count), not lost)
+        kpa, outside = _KPA / self._area * images, force - inside
+        beside = self._beside(data, contact.pos[index]) if outside > _NONE * force else 0.0
+        return PadReading(kpa[0], kpa[1:].T, force, outside, sums[2:5], int(count), not lost, beside)
+
+    def _beside(self, data: mujoco.MjData, points: FloatArray) -> float:
+        """Measure how far, mm along the surface, the farthest of points (k, 3) m lies from the pad's rim."""
+        rotation, origin = self.frame(data)
+        laid = self.surface.place((points - origin) @ rotation * _MM)
+        x_low, x_high, y_low, y_high = self.pad.load_bounds
+        over = np.maximum([x_low, y_low] - laid, laid - [x_high, y_high])
+        return float(np.hypot(*np.maximum(over, 0).T).max(initial=0.0))
 
     def _without_sleep(self, data: mujoco.MjData) -> mujoco.MjData:
         """Take the state with all contacts: MuJoCo drops those of what sleeps, on a pad that sleeps or never moves."""

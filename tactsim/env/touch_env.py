@@ -14,7 +14,7 @@ from pydantic import Field
 from tactsim.core import InputError, Scan, wrap_angle
 from tactsim.core.checking import Settings, checked
 from tactsim.core.errors import short, unknown
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, invert
 from tactsim.env.world import Hidden, World, world
 from tactsim.estimators import Estimator
 from tactsim.estimators.estimator import checked_estimate, no_exit
@@ -117,7 +117,7 @@ def observation_space(world: World, *, belief: bool) -> gymnasium.spaces.Dict:
     if belief:
         far = scale(_FARTHEST * world.reach).astype(np.float32)
         spaces["probabilities"] = box(0.0, 1.0, (len(world.labels),), np.float32)
-        spaces["place"] = box(-far, far, (3,), np.float32)
+        spaces["place"] = spaces["object_in_robot"] = box(-far, far, (3,), np.float32)
     return dictionary(spaces)
 
 
@@ -173,7 +173,7 @@ class TouchEnv(gymnasium.Env):
 
     An observation is a Dict. reading: (taxels,) kPa. pose: (3,) sensor_in_robot, mm, mm, rad. felt: 1 if the reading is
     that of the touch that was asked for; 0 before the first, and if that press did not come to rest. With `belief` also
-    probabilities: (labels,) and place: (3,) robot_in_object, the most probable one.
+    probabilities: (labels,) and place: (3,) robot_in_object, the most probable one; object_in_robot is its inverse.
 
     Rewards are those of `Reward`. An episode terminates with the label; `gymnasium.make` truncates it after as many
     touches as the task's trials have. `info` is empty but for an episode that terminates: it then holds the truth,
@@ -288,7 +288,10 @@ class TouchEnv(gymnasium.Env):
         estimate = checked_estimate(estimator, self.labels)
         probabilities = np.array([estimate.probabilities.get(label, 0.0) for label in self.labels])
         self._entropy = float(entropy(probabilities))
-        for name, values in (("probabilities", probabilities), ("place", estimate.robot_in_object)):
+        place = estimate.robot_in_object
+        for name, values in (
+            ("probabilities", probabilities), ("place", place), ("object_in_robot", invert(place))
+        ):  # fmt: skip
             self._seen[name] = within(self.observation_space, name, values)
 
     def _observation(self) -> dict[str, NDArray[Any]]:

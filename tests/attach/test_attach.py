@@ -225,6 +225,39 @@ def test_a_world_turned_and_shifted_as_a_whole_is_felt_alike():
     np.testing.assert_allclose(moved.shear, still.shear, atol=1e-4 * still.force)
 
 
+@pytest.mark.parametrize(("geom", "normal"), [("box", (0, 0, -1)), ("capsule", (0, 1, 0))])
+def test_sites_show_where_the_taxels_lie_and_change_nothing(geom, normal):
+    pad = Pad(rows=3, columns=4, taxel_width=1.5)
+    spec, plain = (mujoco.MjSpec.from_string(SCENE) for _ in range(2))
+    skin = tactsim.press.attach(spec, geom, pad, normal=normal)
+    skin.show()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    reader = skin.bind(model)
+    rotation, origin = reader.frame(data)
+    places = (data.site_xpos[-pad.taxels - 1 :] - origin) @ rotation * 1e3
+    laid = reader.surface.place(places[:-1])
+    assert laid == pytest.approx(pad.taxel_xy, abs=1e-6)
+    assert places[-1][2] > 1  # the arrow looks where the pad does
+    assert model.nbody == plain.compile().nbody
+    assert model.body_mass == pytest.approx(plain.compile().body_mass)
+    with pytest.raises(InputError, match="attached to a compiled model"):
+        tactsim.press.attach(model, geom, pad, normal=normal).show()
+
+
+def test_a_load_beside_the_pad_is_named_by_its_distance():
+    """A block of 2 x 2 mm stands 3 mm beside the pad's rim, at x = 7.7 mm: its far corners are 5 mm from it."""
+    _, _, reading = rest('type="box" size=".001 .001 .003"', x=11.7, height=3.1, face=".03 .02 .005")
+    assert reading.outside == pytest.approx(reading.force, rel=1e-6)
+    assert reading.beside_mm == pytest.approx(5, abs=0.05)
+    assert str(reading).endswith(f"{reading.force:.2f} N acts beside the pad, up to 5.0 mm from its rim")
+    _, _, inside = rest('type="box" size=".001 .001 .003"', x=0, height=3.1, face=".03 .02 .005")
+    assert inside.beside_mm == 0
+    assert "reads most" in str(inside)
+    assert "beside" not in str(inside)
+
+
 def test_a_pad_is_felt_alike_on_a_body_that_moves():
     """Carried at a constant speed, nothing changes."""
     spec = mujoco.MjSpec.from_string("""

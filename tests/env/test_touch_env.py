@@ -88,6 +88,8 @@ def test_the_belief_is_that_of_an_estimator_which_is_given_the_observations():
         p = np.array([estimate.probabilities[label] for label in env.labels])
         assert observation["probabilities"] == pytest.approx(p, abs=1e-6)
         assert observation["place"] == pytest.approx(estimate.robot_in_object, abs=1e-5)
+        there = compose(observation["place"].astype(float), observation["object_in_robot"].astype(float))
+        assert there == pytest.approx(np.zeros(3), abs=1e-4)
         after = -(p[p > 0] * np.log(p[p > 0])).sum()
         assert reward == pytest.approx(0.5 * (before - after) - 0.1, abs=1e-9)
         before = after

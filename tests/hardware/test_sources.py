@@ -209,11 +209,12 @@ def test_a_source_with_an_end_says_so(tmp_path):
 def test_a_recording_with_a_calibration_takes_no_other(tmp_path):
     device = small_device()
     place = two_segments(tmp_path / "a", CALIBRATION, CALIBRATION)
-    with open_source([place], device) as source:
-        assert source.read().pressures.tolist() == [4.0] * 5
-        assert source.taxel_xy.shape == (5, 2)
+    for given in (None, CALIBRATION):  # it changes nothing to name the same again
+        with open_source([place], device, given) as source:
+            assert source.read().pressures.tolist() == [4.0] * 5
+            assert source.taxel_xy.shape == (5, 2)
     with pytest.raises(SourceError, match="calibration of its own"):
-        open_source([place], device, CALIBRATION)
+        open_source([place], device, calibration(gain=(3.0,) * 6))
 
 
 @pytest.mark.parametrize(
