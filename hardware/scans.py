@@ -38,8 +38,8 @@ Moments = int | Literal["auto", "found"]
 _SINCE, _IDLE = 20_000, 2000
 # A pad is idle while less than this share of a press is felt, above the least that is felt.
 _RESTING = 0.1
-# A taxel that reads this share of the highest of a press while the pad is idle is always loaded.
-_LOADED = 0.25
+# A taxel that seldom reads less than this share of the highest of a press, also in an idle pad, is always loaded.
+_LOADED, _SELDOM = 0.25, 0.1
 # More than this share of the taxels are not always loaded: then the pad has no tare.
 _MOST_LOADED = 0.25
 
@@ -188,7 +188,8 @@ def wrong_taxels(idle: Sequence[FloatArray], presses: FloatArray) -> dict[int, s
 
     idle: readings (taxels,) between presses. presses: (n, taxels) the readings of the presses. A taxel is stuck if it
     never changes, neither idle nor pressed, though the others do; it is always loaded if it reads a quarter of the
-    highest taxel of a press while the pad is idle. Without 40 idle readings nothing is known of any. Raises InputError
+    highest taxel of a press nearly always, while the pad is idle and in presses: not where a long light touch only was
+    taken for an idle pad. Without 40 idle readings nothing is known of any. Raises InputError
     if none ever changes.
     """
     rested = np.array(idle).reshape(-1, presses.shape[1])
@@ -208,7 +209,8 @@ def wrong_taxels(idle: Sequence[FloatArray], presses: FloatArray) -> dict[int, s
         if (presses[:, taxel] == level[taxel]).all()
     }
     highest = float(np.median(presses.max(axis=1))) - zero
-    loaded = np.flatnonzero(np.abs(level - zero) > _LOADED * highest)
+    least_of = [np.quantile(np.abs(readings - zero), _SELDOM, axis=0) for readings in (rested, presses)]
+    loaded = np.flatnonzero(np.min(least_of, axis=0) > _LOADED * highest)
     if highest > 0 and len(loaded) <= _MOST_LOADED * len(level):
         for taxel in loaded.tolist():
             wrong.setdefault(taxel, f"always loaded: it reads {level[taxel]:.4g} while nothing presses")

@@ -7,7 +7,7 @@ from made_pads import small_device
 from tactsim.core import InputError
 from tactsim.core.reading import Reading
 from tactsim.core.source import Source
-from tactsim.hardware.scans import Interval, scan_of_intervals
+from tactsim.hardware.scans import Interval, scan_of_intervals, wrong_taxels
 
 PATTERN = np.array([0.0, 5.0, 20.0, 40.0, 30.0, 10.0])
 RATE = 100.0  # images a second
@@ -107,6 +107,20 @@ def test_moments_are_taken_where_there_is_a_rise_and_else_the_mean_of_the_mark_s
     sudden = marks(4, length - RISE, IDLE + 5, IDLE + HOLD - 5)
     plain = scan_of_intervals(Played(steep), sudden)
     assert scan_of_intervals(Played(steep), sudden, "found").digest == plain.digest
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_long_light_touch_is_no_load_that_is_always_there(seed):
+    """Whether the idle pad was touched before the presses, or a taxel that the presses leave out was all the time."""
+    rng = np.random.default_rng(seed)
+    idle, presses = rng.normal(0, 0.2, (120, 9)), rng.normal(0, 0.2, (6, 9))
+    presses[:, 4:8] += rng.uniform(30, 60, (6, 4))
+    idle[:70, 4] += 18
+    assert wrong_taxels(idle, presses) == {}
+    idle[:, 1] += 18
+    assert wrong_taxels(idle, presses) == {}
+    presses[:, 1] += 18
+    assert list(wrong_taxels(idle, presses)) == [1]
 
 
 def test_taxels_that_are_stuck_or_always_loaded_while_idle_are_left_out():

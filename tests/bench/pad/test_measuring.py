@@ -17,7 +17,7 @@ HAND = [
     "--port",
     "simulated:hand",
     "--seed",
-    "2",
+    "0",
     "--frames",
     "3",
     "--estimator",
@@ -68,7 +68,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
     assert np.array_equal(again.trials.pose, run.trials.pose)
     with pytest.raises(tactsim.InputError, match=r"I-3.tactrec was not measured yet.*--port"):
         tactsim.run(**{**config, "trials": 3})
-    refused(here(*words[:-1], "other", "--presses", folder, "--seed", "1"), "another seed")
+    refused(here(*words[:4], "1", *words[5:-1], "other", "--presses", folder), "another seed")
 
 
 @pytest.mark.parametrize(
