@@ -1,12 +1,106 @@
-"""Metrics of runs in space, worked out the slow way."""
+"""Metrics of runs in space, worked out the slow way, and the comparison of two runs."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made_up_space import make_space_run, make_space_trials
 
+from tactsim.bench.compare import compare
 from tactsim.bench.score import Scored, summarise
-from tactsim.core import rigid
-from tactsim.solids.score import angle
+from tactsim.core import InputError, rigid
+from tactsim.core.rigid import compose, from_vector
+from tactsim.solids.score import Surface, angle, surface_distance, turn_between
+
+IDENTITY = np.array([[1.0, 0, 0, 0]])
+HALF_TURNS = np.eye(4)  # of a box: the identity and half a turn about each axis
+FLIP = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0]])  # beside the axis z of a cylinder
+Z = np.array([0.0, 0, 1])
+
+
+def points(count=64, seed=0):
+    return np.random.default_rng(seed).normal(size=(count, 3)) * (10, 6, 3)
+
+
+def poses(count, seed):
+    rng = np.random.default_rng(seed)
+    return np.concatenate([rng.normal(scale=5, size=(count, 3)), rigid.random_rotations(count, rng)], axis=1)
+
+
+def about_z(angle):
+    return rigid.from_vector(np.multiply.outer(np.asarray(angle), Z))
+
+
+def beside(pose, rotation):
+    """Give the pose of an object that was first turned about its own origin."""
+    return rigid.compose(pose, np.concatenate([np.zeros((*np.shape(rotation)[:-1], 3)), rotation], axis=-1))
+
+
+def by_hand(estimated, true, cloud, group):
+    """Work out the distance, the slow way: matrices, one member of the group after the other."""
+    found = []
+    for one in group:
+        at = rigid.matrix(true[3:]) @ rigid.matrix(one) @ cloud.T + true[:3, None]
+        other = rigid.matrix(estimated[3:]) @ cloud.T + estimated[:3, None]
+        found.append(np.linalg.norm(at - other, axis=0).mean())
+    return min(found)
+
+
+@pytest.mark.parametrize("group", [IDENTITY, HALF_TURNS])
+def test_a_finite_group_against_every_one_of_its_members(group):
+    cloud, estimated, true = points(), poses(20, 1), poses(20, 2)
+    found = surface_distance(estimated, true, Surface(cloud, group))
+    wanted = [by_hand(e, t, cloud, group) for e, t in zip(estimated, true, strict=True)]
+    assert np.allclose(found, wanted, rtol=0, atol=1e-9)
+
+
+def test_an_axis_against_a_fine_grid_of_turns():
+    cloud = points()
+    estimated, true = poses(4, 3), poses(4, 4)
+    estimated[2:] = rigid.compose(
+        true[2:], np.concatenate([[0.5, 0.2, 0.1], rigid.from_vector([0.1, 0.05, 0.7])])
+    )
+    turns = about_z(np.linspace(0, 2 * np.pi, 900, endpoint=False))
+    group = np.concatenate([rigid.multiply(turns, one) for one in FLIP])
+    of = Surface(cloud, FLIP, Z)
+    wanted = [by_hand(e, t, cloud, group) for e, t in zip(estimated, true, strict=True)]
+    assert np.allclose(surface_distance(estimated, true, of), wanted, rtol=0, atol=2e-2)
+    angles = rigid.angle_between(rigid.multiply(true[:, None, 3:], group[None]), estimated[:, None, 3:]).min(
+        axis=1
+    )
+    assert np.allclose(turn_between(estimated, true, of), angles, rtol=0, atol=2e-3)
+
+
+def test_a_shift_is_as_far_as_it_is_long_and_a_turn_of_a_ring_as_its_chord():
+    true = poses(5, 5)
+    shifted = true + np.array([3.0, 4, 0, 0, 0, 0, 0])
+    assert np.allclose(surface_distance(shifted, true, Surface(points(), IDENTITY)), 5)
+    assert np.allclose(turn_between(shifted, true, Surface(points(), IDENTITY)), 0)
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    ring = 7 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    turned = beside(true, about_z(np.full(5, 0.6)))
+    assert np.allclose(surface_distance(turned, true, Surface(ring, IDENTITY)), 2 * 7 * np.sin(0.3))
+    assert np.allclose(turn_between(turned, true, Surface(ring, IDENTITY)), 0.6)
+
+
+@given(seed=st.integers(0, 2**32), turn=st.floats(-10, 10), flip=st.integers(0, 1))
+def test_poses_that_look_alike_are_no_distance_apart(seed, turn, flip):
+    true = poses(1, seed)
+    alike = beside(true, rigid.multiply(about_z([turn]), FLIP[[flip]]))
+    of = Surface(points(16), FLIP, Z)
+    assert surface_distance(alike, true, of)[0] < 5e-3
+    assert turn_between(alike, true, of)[0] < 1e-6
+
+
+@given(seed=st.integers(0, 2**32))
+def test_it_is_the_same_in_any_frame(seed):
+    estimated, true, frame = poses(3, seed), poses(3, seed + 1), poses(1, seed + 2)
+    for of in (Surface(points(16), HALF_TURNS), Surface(points(16), IDENTITY, Z)):
+        there = rigid.compose(frame, estimated), rigid.compose(frame, true)
+        assert np.allclose(surface_distance(*there, of), surface_distance(estimated, true, of), atol=2e-3)
+        assert np.allclose(turn_between(*there, of), turn_between(estimated, true, of), atol=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +131,35 @@ def test_a_run_that_is_never_right_has_no_error(run):
     assert summary["accuracy"] == [0.0] * 3
     assert summary["settled_95"] is None
     assert summary["confusion"] == {"wedge": {"block": 3}, "block": {"wedge": 3}}
+
+
+def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
+    base = make_space_run(n=40, r=3)
+    assert {row.verdict for row in compare(base, base)} <= {"not told apart", ""}
+    off = np.concatenate([[0.0, 0, 4], from_vector([0.3, 0, 0])])
+    worse = replace(base, trials=replace(base.trials, pose=compose(off, base.trials.pose)))
+    verdicts = {row.name: row.verdict for row in compare(base, worse)}
+    assert verdicts["share of touches right"] == "not told apart"
+    assert verdicts["surface mm @3, both right"] == verdicts["angle deg @3"] == "worse"
+    back = {row.name: row.verdict for row in compare(worse, base)}
+    assert back["surface mm @3, both right"] == "better"
+
+
+def test_other_hidden_objects_are_refused():
+    base, new = make_space_run(), make_space_run(seed=1)
+    other = {"seed": 1, "objects": ["nut"], "scan": "a.npz"}
+    with pytest.raises(InputError, match=r"same objects.* --objects, --seed, --scan"):
+        compare(base, replace(new, config=base.config | other))
+
+
+def test_files_of_one_name_and_another_shape_are_refused():
+    def run_of(digest):
+        base = make_space_run()
+        scan = {"objects": {"wedge": {"digest": digest}}}
+        return replace(
+            base, config=base.config | {"shapes": ["wedge.stl"]}, about=base.about | {"scan": scan}
+        )
+
+    compare(run_of("a" * 64), run_of("a" * 64))
+    with pytest.raises(InputError, match="wedge is of another shape"):
+        compare(run_of("a" * 64), run_of("b" * 64))
