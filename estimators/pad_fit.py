@@ -53,6 +53,8 @@ _EXPONENTS = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 # Another value than the default must say so much more: chance differs by less. A bent response by less than an option:
 # readings stay the same, and are counted in the same bins.
 _MORE, _MORE_BENT = 1.01, 1.002
+# What maps say of left-out readings, nats.
+_Measure = Callable[[Scan, LikelihoodOptions], float]
 # A calibrated model counts classes in one bin for so many training taxels, in 4 to 16 bins.
 _OF_A_BIN, _FEWEST, _MOST = 500, 4, 16
 
@@ -196,7 +198,8 @@ def fit_to_pad(scan: Scan, options: FilterOptions) -> PadFit:
     Only options that were not given are chosen, and none if no object was pressed twice, by coordinate search: one
     after another is given the value with which most is said of left-out readings. Where maps are of classes these are
     the threshold, the ratio and the width of the point spread; where they are of pressures, the exponent of the
-    response curve and the width. The same readings give the same in whatever unit.
+    response curve and the width. A model of both has the threshold and the ratio of classes beside. The same readings
+    give the same in whatever unit.
 
     Raises InputError if the poses are too far apart for a map.
     """
@@ -212,30 +215,37 @@ def _fit_above(scan: Scan, options: FilterOptions) -> PadFit:
     if not train.readings.any() or not can_leave_out(train):
         return PadFit(units_of(scan))
     some, given = some_letters(train), options.model_fields_set
-    forces = kind_of(options.likelihood).of_pressures
+    model = kind_of(options.likelihood)
+    forces = model.of_pressures
     # A curve changes no class but for the threshold and the ratio, which are chosen anyway.
     open_set = isinstance(options, OpenSetOptions) and options.unknown > 0
     exponent, straight, _ = response(scan, options) if forces or open_set else (1.0, None, None)
     fitted = PadFit(
         units_of(scan, exponent), {name: value for name, value in _START.items() if name not in given}
     )
-    brought, measure = fitted.units.scan(some), pressure_information if forces else class_information
+    brought, first = fitted.units.scan(some), pressure_information if forces else class_information
     if "quantiles" in type(options).model_fields and "quantiles" not in given:
         bins = int(np.clip(train.readings.size // _OF_A_BIN, _FEWEST, _MOST))
         fitted = replace(fitted, chosen={**fitted.chosen, "quantiles": bins})
 
-    def information_with(name: str, value: float) -> float:
+    def information_with(measure: _Measure, name: str, value: float) -> float:
         return measure(brought, _with(fitted, name, value, given).inner(options))
 
-    before = after = measure(brought, fitted.inner(options))
+    before = first(brought, fitted.inner(options))
+    said: dict[_Measure, float] = {first: before}
     for name, values in _TRIED.items():
-        if name in given or (forces and name != "sigma"):
+        if name in given or (name != "sigma" and not model.of_classes):
             continue
-        value, after = climb(
-            partial(information_with, name), values, getattr(fitted.inner(options), name), after, _MORE
+        # The threshold and the ratio matter to classes alone; a width that both have is chosen for pressures.
+        measure = first if name == "sigma" else class_information
+        if measure not in said:
+            said[measure] = measure(brought, fitted.inner(options))
+        start = getattr(fitted.inner(options), name)
+        value, said[measure] = climb(
+            partial(information_with, measure, name), values, start, said[measure], _MORE
         )
         fitted = _with(fitted, name, value, given)
-    return replace(fitted, before=straight if forces else before, after=after)
+    return replace(fitted, before=straight if forces else before, after=said[first])
 
 
 def _with(fitted: PadFit, name: str, value: float, given: Collection[str]) -> PadFit:

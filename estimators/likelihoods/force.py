@@ -47,7 +47,7 @@ class ForceLikelihood(TaxelSum):
     by letter.
     """
 
-    of_pressures = True
+    of_pressures, of_classes = True, False
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn the taxels' gains, the mosaics, and how far readings deviate from them."""

@@ -64,13 +64,14 @@ class Evidence:
 class Likelihood(ABC):
     """A measurement model. A subclass implements `log_p`, or `log_tables` and `evidence` as a `TaxelSum`.
 
-    options_type: its options, which a filter with this model has beside its own. of_pressures: whether it is of
-    pressures rather than of classes by eq. 3, so that the response curve matters to it, and threshold and ratio do not.
+    options_type: its options, which a filter with this model has beside its own. of_pressures: whether it predicts
+    pressures, so that the response curve matters to it. of_classes: whether the threshold and the ratio of eq. 3 do.
     maps: by letter, as `fit` was given them. taxel_xy: (taxels, 2) mm.
     """
 
     options_type: ClassVar[type[MapOptions]] = MapOptions
     of_pressures: ClassVar[bool] = False
+    of_classes: ClassVar[bool] = True
     maps: Mapping[str, OccupancyMap]
     taxel_xy: FloatArray
     # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.

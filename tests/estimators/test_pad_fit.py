@@ -13,12 +13,14 @@ from tactsim.core import Scan, compose, invert
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.options import wants_pad_fit
 from tactsim.estimators.pad_fit import (
+    class_information,
     fit_to_pad,
     mutual_information,
     pressure_information,
     response,
     units_of,
 )
+from tactsim.estimators.registry import load
 
 SMALL = {
     "histogram": {"bins": 1000},
@@ -125,6 +127,19 @@ def test_the_response_is_the_one_with_which_most_is_said(scan, bent_by):
     assert (straight, most) == (said(1.0), said(exponent))
     if exponent != 1:
         assert most > straight * 1.002
+
+
+def test_a_model_of_both_is_fitted_as_pressures_are_with_the_threshold_and_ratio_of_classes(scan):
+    bent = replace(scan, readings=np.sign(scan.readings) * np.abs(scan.readings / 25) ** 3)
+    both, forces = (fit_to_pad(bent, load(name).options_type()) for name in ("stacked", "force-mosaic"))
+    assert both.units == forces.units
+    assert both.chosen["sigma"] == forces.chosen["sigma"]
+    assert (both.before, both.after) == (forces.before, forces.after)
+    options = load("stacked").options_type(sigma=1.0, cell=0.4)
+    given = fit_to_pad(bent, options)
+    brought = given.units.scan(bent)
+    at_first = class_information(brought, replace(given, chosen=forces.chosen).inner(options))
+    assert class_information(brought, given.inner(options)) > at_first
 
 
 def test_only_scans_of_a_real_pad_are_fitted_unless_it_is_asked_for(scan):
