@@ -44,6 +44,7 @@ OWN = {"my-part.svg": _PART, "examples/my-part.svg": _PART, "examples/hand/hand.
 NOT_RUN = {
     ("docs/environment.md", "it needs the folder of the examples"),
     ("docs/attach.md", "your robot is not here"),
+    ("docs/your-pad.md", "it asks for a pad"),
     ("docs/data.md", "it downloads"),
     (
         "docs/from-simulation-to-a-pad.md",
