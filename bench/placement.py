@@ -105,6 +105,7 @@ def radius(away: Reals1D, weights: GivenReals1D, share: float) -> float:
 
 # mm that a turn of 1 rad counts as, and the share of the widest variance below which a pose's number has no width.
 _LEVER, _NO_WIDTH = 10.0, 1e-9
+_ROUNDING = 1e-18  # mm^2: samples that differ by less than nm are one
 _Length = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
@@ -300,7 +301,7 @@ def normalised_error(samples: PoseSamples, near: FloatArray, true: FloatArray, o
 
     In the mean it is 1 for every belief that is right, whatever its shape (Bar-Shalom et al. 2001, section 5.4). Poses
     (3,) or (7,) are those of the object's symmetry that lie nearest to `near`, and numbers that it leaves free do not
-    count. NaN of a belief without a width.
+    count. NaN of a belief without a width but that of rounding; at most `LARGEST`, which a run's table may hold.
     """
     group = poses if samples.poses.shape[1] == len(poses.POSE) else rigid
     folded = of.alike(np.concatenate([samples.poses, true[None]]), near)
@@ -310,9 +311,9 @@ def normalised_error(samples: PoseSamples, near: FloatArray, true: FloatArray, o
     lever = np.repeat([1.0, _LEVER], [len(away) - turns, turns])
     squares, axes = np.linalg.eigh(covariance * lever[:, None] * lever)
     known = squares > _NO_WIDTH * squares[-1]
-    if not squares[-1] > 0:
+    if not squares[-1] > _ROUNDING:
         return np.nan
-    return float(np.mean(((lever * away) @ axes[:, known]) ** 2 / squares[known]))
+    return min(float(np.mean(((lever * away) @ axes[:, known]) ** 2 / squares[known])), LARGEST)
 
 
 def covariance(samples: PoseSamples, estimated: ArrayLike, of: Properties) -> tuple[FloatArray, FloatArray]:
