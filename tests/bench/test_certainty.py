@@ -139,9 +139,14 @@ def test_the_normalised_error_of_truths_drawn_from_a_belief_of_any_shape_is_1(of
     again = [normalised_error(samples, near, pose, of) for pose in half[:20]]
     assert again == pytest.approx(errors[:20])  # the object looks the same
     assert math.isnan(normalised_error(PoseSamples(poses[:1], np.ones(1)), near, near, of))
-    for width, widest in ((1e-15, math.nan), (1e-8, 1e9)):  # rounding is no width; a run's table holds no more
+    for width, widest in (
+        (1e-15, math.nan),
+        (1e-8, 1e9),
+    ):  # rounding is no width; a run's table holds no more
         wrong = PoseSamples(near + width * rng.normal(size=(50, len(near))), np.ones(50))
-        assert normalised_error(wrong, near, poses[0] + [9.0, 9.0, 0.1], of) == pytest.approx(widest, nan_ok=True)
+        assert normalised_error(wrong, near, poses[0] + [9.0, 9.0, 0.1], of) == pytest.approx(
+            widest, nan_ok=True
+        )
 
 
 def test_an_estimator_that_does_not_say_has_no_region():
