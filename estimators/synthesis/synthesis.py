@@ -111,7 +111,10 @@ class Synthesis(Estimator):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels = train.letters
-        self.pad = pad = LearnedPad.learned(self.forward, train)
+        rng = np.random.default_rng(0)
+        reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
+        self.frames = Frames.fitted(scan, reach)
+        self.pad = pad = LearnedPad.learned(self.forward, self.frames.scan(train))
         self.noise = pad.noise
         self.banks = [
             PoseBank.pressed(pad, label, self.options.spacing, self.options.angles) for label in self.labels
@@ -119,9 +122,6 @@ class Synthesis(Estimator):
         self._typical = float(
             np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
         )
-        rng = np.random.default_rng(0)
-        reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
-        self.frames = Frames.fitted(scan, reach)
         self._reach_far = max(reach, reach_on_object(self.frames.scan(scan)))
         self._near_scouts = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
         self._normal = rng.standard_normal((_STATES, 3))

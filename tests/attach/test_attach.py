@@ -463,7 +463,7 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         (
             "bix",
             {},
-            "unknown geom or body 'bix': did you mean 'box'? known are bone, box, ghost, other, plain, tiny, "
+            "unknown geom or body 'bix': did you mean 'box'? known are bone, box, palm, plain, scan, tiny, "
             "two, world and 4 more; a geom without a name is spec.body(NAME).geoms[i]",
         ),
         ("", {}, "geom is ''; give the name of a geom or a body, or a geom or a body of the spec"),

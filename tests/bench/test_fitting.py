@@ -24,18 +24,6 @@ def test_a_run_recognises_by_pressing_whatever_the_number_of_processes(scan):
     np.testing.assert_array_equal(again.trials.pose, run.trials.pose)
 
 
-@pytest.mark.long
-def test_training_readings_give_the_names_alone(scan):
-    blind = Scan(
-        np.where((scan.split == "train")[:, None], 0.0, scan.readings),
-        scan.poses, scan.labels, scan.split, scan.taxel_xy, scan.meta,
-    )  # fmt: skip
-    with_them, without = (
-        tactsim.run(one, estimator="synthesis", set=FEW, trials=1, readings=3) for one in (scan, blind)
-    )
-    np.testing.assert_array_equal(with_them.trials.pose, without.trials.pose)
-
-
 def test_a_scan_that_does_not_say_how_it_was_pressed_is_refused_in_one_line(scan, tmp_path):
     bare = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy)
     with pytest.raises(InputError, match="does not say how its letters were pressed"):

@@ -11,7 +11,7 @@ import json
 import pytest
 from command_line import Bench
 
-RUN = ["--trials", "2", "--readings", "5", "--letters", "EO", "--seed", "7"]
+RUN = ["--trials", "2", "--readings", "5", "--seed", "7"]
 ESTIMATORS = {
     "histogram": ["--estimator", "histogram", "--bins", "500"],
     "refined": ["--estimator", "refined", "--bins", "100"],
@@ -25,9 +25,9 @@ def answer(tmp_path_factory):
     """Call `bench run --json` in one folder: what it prints but for times and places, and its table of trials."""
     bench = Bench(tmp_path_factory.mktemp("answers"))
 
-    def answer(*words, hashes="1"):
+    def answer(*words, hashes="1", letters="EO"):
         bench.environment["PYTHONHASHSEED"] = hashes
-        result = bench("run", *RUN, *words, "--json")
+        result = bench("run", *RUN, "--letters", letters, *words, "--json")
         assert result.returncode == 0, result.stderr
         printed = json.loads(result.stdout)
         folder = bench.folder / printed.pop("results")
@@ -64,7 +64,7 @@ def test_processes_cache_and_hashes_change_no_bit(answer, first, name):
 @pytest.mark.long
 def test_the_order_of_the_letters_changes_no_trial(answer, first):
     _, trials = first
-    _, turned = answer(*ESTIMATORS["histogram"], "--letters", "OE")
+    _, turned = answer(*ESTIMATORS["histogram"], letters="OE")
     exact = ("truth", "trial", "reading_number", "reading", "label", "x", "y", "theta", "true_x")
     key = lambda row: (row["truth"], int(row["trial"]), int(row["reading_number"]))  # noqa: E731
     for one, other in zip(sorted(rows_of(trials), key=key), sorted(rows_of(turned), key=key), strict=True):

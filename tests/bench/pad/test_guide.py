@@ -40,7 +40,9 @@ def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, t
     hand = ["--follow", "A.tactrec", "--rate", "200", "--lift", "0.5", "--scan-set", "sensor.noise=0.2"]
     with emulated(bench, "--port", "pty:pad", *hand):
         terminal = on_terminal(*words)
-        screen = terminal.until(lambda screen: "the last press that was taken" in screen.text)
+        screen = terminal.until(
+            lambda screen: "the last press that was taken" in screen.text and "1 done" in screen.text
+        )
         shown = screen.lines
     lost = terminal.until(
         lambda screen: "THE PAD IS LOST" in screen.text and "there is no such port" in screen.text
