@@ -173,8 +173,8 @@ class MapFilter(Estimator):
         self.labels = tuple(maps)
         objects = [self._object_of.get(label, label) for label in maps]
         of_view = np.array([np.count_nonzero(scan.where("train").labels == label) for label in maps])
-        self._same_object = np.array(objects)[:, None] == np.array(objects)
-        self._view_share = of_view / (self._same_object @ of_view)
+        self.same_object = np.array(objects)[:, None] == np.array(objects)
+        self._view_share = of_view / (self.same_object @ of_view)
         self.taxel_xy = scan.taxel_xy
         self._reach_near = reach_of(self.fitted_options.reach, scan.taxel_xy)
         self._reach_far = max(self._reach_near, reach_on_object(scan))
@@ -299,7 +299,7 @@ class MapFilter(Estimator):
         mass: (maps,) what each would hold if all were as likely before.
         """
         mass = mass * self._view_share
-        of_object = self._same_object @ mass
+        of_object = self.same_object @ mass
         return int(np.where(of_object == of_object.max(), mass, -1.0).argmax()), mass
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:

@@ -135,8 +135,11 @@ class MovingBelief:
             drawn is not None or (known is not None and label == known.label)
             for label, drawn in zip(labels, self._drawn, strict=True)
         ]
-        mass = np.where(stated, models.sum(axis=0), 0.0)
-        best = int(mass.argmax())
+        mass = models.sum(axis=0)
+        of_object = np.where(
+            stated, self._filter.same_object @ mass, -1.0
+        )  # an object's views count together
+        best = int(np.where(of_object == of_object.max(), mass, -1.0).argmax())
         drawn, parts, poses = self._drawn[best], [], []
         if known is not None and known.label == labels[best]:
             poses.append((models[0, best], known.robot_in_object))

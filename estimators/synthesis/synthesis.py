@@ -111,6 +111,7 @@ class Synthesis(Estimator):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels = train.letters
+        self.same_object = np.eye(len(self.labels), dtype=bool)  # it knows no views
         rng = np.random.default_rng(0)
         reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
         self.frames = Frames.fitted(scan, reach)

@@ -1,5 +1,6 @@
 """Objects that move: the belief that moves, against exact answers."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -52,6 +53,18 @@ def test_zero_motion_is_the_static_filter_to_the_bit(two, name):
     for off, zero in zip(*pair, strict=True):
         assert off.probabilities == zero.probabilities
         assert off.robot_in_object.tobytes() == zero.robot_in_object.tobytes()
+
+
+def test_the_views_of_an_object_count_together(small):
+    """The label is the likeliest object, of which no single view need be the likeliest."""
+    seen = replace(small, views=np.arange(len(small)) % 3 * (small.labels == "E"))
+    estimator = create("refined", bins=500, cell=0.8, motion="auto")
+    estimator.fit(seen)
+    rng = np.random.default_rng(3)
+    for _ in range(12):  # of nothing in particular, so that several objects stay likely
+        reading, poses = 6 * rng.random((4, 36)), rng.uniform([-6, -6, -3], [6, 6, 3], (4, 3))
+        for said in follow(estimator, reading, poses):
+            assert said.label == max(said.probabilities, key=said.probabilities.__getitem__)
 
 
 @pytest.mark.parametrize("name", MAP_FILTERS)
