@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.compiling import Bools1D, Ints1D, Reals1D, Reals2D, Reals3D, Reals4D, compiled
-from tactsim.core.forward import ForwardModel, Linearised
+from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray
+
+if TYPE_CHECKING:
+    from tactsim.estimators.synthesis.learned_pad import LearnedPad
 
 _OF_READINGS = ("at", "log_p", "gradient", "information")
 _OF_MODES = (
@@ -294,16 +297,13 @@ Predict = Callable[[int, NDArray[np.intp]], Linearised]
 
 
 def pressed(
-    forward: ForwardModel,
+    pad: LearnedPad,
     labels: Sequence[str],
     sensor_in_object: FloatArray,
     readings: FloatArray,
     number: NDArray[np.int64],
-    failing: float,
 ) -> Predict:
     """Predict readings `number` (n,) of (r, taxels) kPa by presses at sensor_in_object (n, 3).
-
-    failing: the probability that a taxel reads anything.
 
     A press is predicted as it most probably was: its place, tilt and load are searched for with the pose held
     (Laplace's approximation, by Gauss and Newton).
@@ -311,15 +311,15 @@ def pressed(
 
     def predict(one: int, which: NDArray[np.intp]) -> Linearised:
         label, poses, felt = labels[one], sensor_in_object[which], readings[number[which]]
-        found = forward.linearised(label, poses)
+        found = pad.linearised(label, poses)
         off = np.zeros(found.nuisance.shape[:2])
         for _ in range(_PRESSES):
-            likely = likeliest_press(felt, found.mean, found.nuisance, forward.noise, failing)
+            likely = likeliest_press(felt, found.mean, found.nuisance, pad.noise, pad.failing)
             again = np.flatnonzero(np.abs(likely - off).max(axis=1, initial=0) > _OFF)
             if not len(again):
                 break
             off[again] = likely[again].clip(-FARTHEST, FARTHEST)
-            found = found.with_rows(again, forward.linearised(label, poses[again], off[again]), off[again])
+            found = found.with_rows(again, pad.linearised(label, poses[again], off[again]), off[again])
         return found
 
     return predict

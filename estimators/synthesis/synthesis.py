@@ -115,7 +115,8 @@ class Synthesis(Estimator):
         rng = np.random.default_rng(0)
         reach = self._reach = self._reach_near = reach_of(self.options.reach, scan.taxel_xy)
         self.frames = Frames.fitted(scan, reach)
-        self.pad = pad = LearnedPad.learned(self.forward, self.frames.scan(train))
+        seen = self.frames.scan(scan)
+        self.pad = pad = LearnedPad.learned(self.forward, seen.where("train"))
         self.noise = pad.noise
         self.banks = [
             PoseBank.pressed(pad, label, self.options.spacing, self.options.angles) for label in self.labels
@@ -123,7 +124,7 @@ class Synthesis(Estimator):
         self._typical = float(
             np.sqrt(np.mean([(bank.mean[bank.mean.any(axis=1)] ** 2).mean() for bank in self.banks]))
         )
-        self._reach_far = max(reach, reach_on_object(self.frames.scan(scan)))
+        self._reach_far = max(reach, reach_on_object(seen))
         self._near_scouts = rng.uniform([-reach, -reach, -math.pi], [reach, reach, math.pi], (_SCOUTS, 3))
         self._normal = rng.standard_normal((_STATES, 3))
 
@@ -270,10 +271,9 @@ class Synthesis(Estimator):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Expand readings `number` (n,) at states (n, 3) with presses there, as `expand`."""
         readings, poses = np.array(self._readings), np.array(self._poses)[number]
-        failing = self.pad.failing
-        presses = pressed(self.pad, self.labels, compose(state, poses), readings, number, failing)
+        presses = pressed(self.pad, self.labels, compose(state, poses), readings, number)
         self._compared += len(letter)
-        return expand(letter, state, poses, readings, number, presses, self.noise, failing)
+        return expand(letter, state, poses, readings, number, presses, self.noise, self.pad.failing)
 
     def estimate(self) -> Estimate:
         """Say which letter it is and where, after the readings so far."""
