@@ -26,7 +26,7 @@ from tactsim.bench.tasks import task
 from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit
 
-_SEEN = (1, 2, 3, 5, 10, 20)
+_SEEN = (1, 3, 10)
 MISSING = "–"
 
 
@@ -43,31 +43,23 @@ def fill(text: str, standings: Sequence[Standings]) -> str:
 
 def _table(of: Standings) -> str:
     seen = [at for at in _SEEN if at <= of.readings]
-    last = f"error_mm@{of.readings}"
-    heads = [
-        "rank",
-        "method",
-        heading(of.by),
-        f"right after {', '.join(map(str, seen))}",
-        heading(last),
-        "× bound",
-    ]
-    rows = [[*heads, "ms a reading", "done again"]]
-    rows += [_row(of, one, seen, last) for one in of.ranked]
+    right = f"right after {', '.join(map(str, seen))}"
+    rows = [["rank", "method", heading(of.by), right, "× bound", "ms a reading", "done again"]]
+    rows += [_row(of, one, seen) for one in of.ranked]
     rows += [_paper_row(row, of, seen) for row in of.paper if row.accuracy_after(max(seen)) is not None]
     rows += [
-        [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 5] for one in of.unranked
+        [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 4] for one in of.unranked
     ]
     return f"{markdown_table(rows)}\n{_origin(of)}\n"
 
 
-def _row(of: Standings, one: Entrant, seen: Sequence[int], last: str) -> list[str]:
+def _row(of: Standings, one: Entrant, seen: Sequence[int]) -> list[str]:
     again = f"{one.check.again} of {one.check.trials}" if one.check and one.confirmed else "unconfirmed"
     bound = _cell(one, f"efficiency@{of.readings}").partition(" ")[0]
     return [
         rank_words(one.rank), _escaped(one.label), _cell(one, of.by),
         _cell(one, f"accuracy@{','.join(map(str, seen))}"),
-        _cell(one, last), bound, f"{one.ms_per_reading:.3g}", again,
+        bound, f"{one.ms_per_reading:.3g}", again,
     ]  # fmt: skip
 
 
@@ -83,7 +75,7 @@ def _paper_row(row: Printed, of: Standings, seen: Sequence[int]) -> list[str]:
 
     ranked_at = int(of.by.partition("@")[2])
     accuracies = " / ".join(map(shown, seen))
-    return [MISSING, f"*{row.method}*", f"*{shown(ranked_at)}*", f"*{accuracies}*", MISSING, MISSING, MISSING,
+    return [MISSING, f"*{row.method}*", f"*{shown(ranked_at)}*", f"*{accuracies}*", MISSING, MISSING,
             "*read from the paper*"]  # fmt: skip
 
 
