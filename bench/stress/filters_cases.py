@@ -1,9 +1,9 @@
-"""Beliefs: very long and very odd sequences, budgets of one, states far off the map, symmetric letters."""
+"""Beliefs: very long and very odd sequences, budgets of one, odd weights, none of these, objects that move."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,15 @@ from tactsim.bench.stress.case import (
     refused,
     see_sound,
 )
-from tactsim.bench.stress.likelihood_cases import (
+from tactsim.bench.stress.maps_cases import (
     exact_log_p_of_letters,
     on_the_lattice,
     one_state,
     straight_readings,
 )
-from tactsim.core import compose
+from tactsim.core import compose, wrap_angle
 from tactsim.estimators import Estimator
+from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.registry import load
 from tactsim.models import names
@@ -206,33 +207,6 @@ def order_of_letters(worst: Worst) -> None:
 
 
 @case(
-    "filters.skipping",
-    varied="bins left alone or not, 60 readings of every letter",
-    deviation="probability of a letter; 1 for another letter or pose",
-    limit=1e-6,
-    because="bins that are left alone hold 1e-8 of the belief together",
-)
-def skipping(worst: Worst) -> None:
-    """Compare a filter that skips what cannot matter with one that does not."""
-    scan = pressed()
-    lazy, full = (fitted("histogram", scan, bins=2000, gamma=0.6, skip=skip) for skip in (True, False))
-    for label in scan.letters:
-        readings, poses, _ = hidden(scan, label, 60, seed=6)
-        for estimator in (lazy, full):
-            estimator.reset(np.random.default_rng(0))
-        for count, (reading, pose) in enumerate(zip(readings, poses, strict=True), start=1):
-            lazy.update(reading, pose)
-            full.update(reading, pose)
-            ours, whole = lazy.estimate(), full.estimate()
-            where = f"letter {label}, reading {count}"
-            worst.see(np.abs(probabilities(ours) - probabilities(whole)), where)
-            worst.holds(
-                ours.label == whole.label and np.array_equal(ours.robot_in_object, whole.robot_in_object),
-                where,
-            )
-
-
-@case(
     "filters.budget-of-one",
     varied="1, 2 and 3 bins or particles; one letter; for every estimator",
     deviation="sum of the probabilities from 1",
@@ -302,24 +276,6 @@ def faulty_taxels(worst: Worst) -> None:
         estimator = fitted(name, scan, **budget)
         for what, faulty in faults.items():
             see_sound(worst, estimator, faulty, poses, f"{name}, {what}")
-
-
-@case(
-    "filters.trained-on-faults",
-    varied="training readings dead, stuck, saturated or negative throughout, every estimator that learns",
-    deviation="sum of the probabilities from 1",
-    limit=1e-9,
-    because="a map of nothing, or of everything, is a map",
-)
-def trained_on_faults(worst: Worst) -> None:
-    """Learn from a broken pad, recognise with a good one."""
-    scan = few(pressed("AEI"), 5)
-    readings, poses, _ = hidden(scan, "E", 4)
-    for what, value in (("dead", 0.0), ("stuck", 50.0), ("saturated", 1e9), ("negative", -1e9)):
-        faulty = np.where(scan.split[:, None] == "train", value, scan.readings)
-        broken = replace(scan, readings=faulty)
-        for name, budget in every_estimator(budget=200, learning=True):
-            see_sound(worst, fitted(name, broken, **budget), readings, poses, f"{name}, {what}")
 
 
 @case(
@@ -409,3 +365,82 @@ def after_nonsense(worst: Worst) -> None:
             readings, poses, _ = hidden(scan, label, 33, seed=10)
             readings[:3] = rng.choice([0.0, 60.0], (3, 36))
             worst.holds(after(estimator, readings, poses).label == label, f"{name}, letter {label}")
+
+
+def drawing(budget: int) -> list[tuple[str, dict[str, Any]]]:
+    """List the registered filters that draw, with this many particles and the paper's measurement model.
+
+    Those that draw once a motion is seen follow one from the first reading.
+    """
+    found = []
+    for name, options in every_estimator(budget):
+        if draws(name):
+            known = load(name).options_type.model_fields
+            seen = "motion" in known and known["motion"].default == "seen"
+            found.append((name, {**options, "likelihood": "paper", **({"motion": "auto"} if seen else {})}))
+    return found
+
+
+@case(
+    "particles.all-weights-tiny",
+    varied="gamma from 0.1 to 1e-300 under readings that fit nothing: weights down to exp(-20,000)",
+    deviation="sum of the probabilities from 1",
+    limit=1e-9,
+    because="weights are kept in logs, relative to the heaviest, so not all of them can be zero",
+)
+def all_weights_tiny(worst: Worst) -> None:
+    """Contradict every particle with every reading."""
+    scan = pressed("AEI")
+    rng = np.random.default_rng(0)
+    for name, options in drawing(200):
+        for gamma in (0.1, 1e-10, 1e-100, 1e-300):
+            estimator = fitted(name, scan, gamma=gamma, **options)
+            for _ in range(10):
+                estimator.update(rng.choice([0.0, 60.0], 36), rng.uniform(-10, 10, 3))
+                worst.see(flaw(estimator.estimate()), f"{name}, gamma {gamma}")
+
+
+@case(
+    "none.odd-readings",
+    varied="prior of none 1e-12 to 1 - 1e-12; readings times 0 to 1e6, below 0, all alike",
+    deviation="sum of the probabilities from 1, after each of 5 readings",
+    limit=1e-9,
+    because="odds are kept in logs, and every variance has a floor",
+)
+def odd_readings(worst: Worst) -> None:
+    """Ask whether it is none of the letters, whatever is felt."""
+    scan = few(pressed("AEI"), 5)
+    readings, poses, _ = hidden(scan, "E", 5)
+    for unknown in (1e-12, 0.5, 1 - 1e-12):
+        estimator = fitted("refined", scan, bins=1000, unknown=unknown)
+        for what, felt in (
+            *((f"times {factor:g}", factor * readings) for factor in (0, 1e-3, 0.1, 10, 1e6)),
+            ("below 0", -readings),
+            ("all alike", np.full_like(readings, 40.0)),
+        ):
+            see_sound(worst, estimator, felt, poses, f"prior {unknown:g}, {what}")
+
+
+@case(
+    "motion.frames",
+    varied="placements all over the plane, steps of 1e-9 to 10 mm and rad",
+    deviation="mm between states and the same states turned into placements and back; or a step seen in another frame",
+    limit=1e-9,
+    because="a state and its placement are one pose and its inverse",
+)
+def frames(worst: Worst) -> None:
+    """Turn states into placements and back, and take a step of the object in the robot's frame."""
+    rng = np.random.default_rng(0)
+    motion = parse_motion("0.5,0.03")
+    assert motion is not None
+    state = rng.uniform(-20, 20, (3, 500))
+    state[2] = wrap_angle(state[2])
+    again = motion.state(motion.placed(state))
+    worst.see(np.abs(again[:2] - state[:2]), "there and back")
+    worst.see(np.abs(wrap_angle(again[2] - state[2])), "there and back")
+    for size in (1e-9, 1e-3, 10.0):
+        step = rng.standard_normal(3) * size
+        moved = motion.state(motion.placed(state) + step / [1, 1, motion.ratio])
+        # Placements T_O^R compose with states T_R^O to nothing, before the step and after.
+        nothing = compose((motion.placed(state) * [1, 1, motion.ratio]) + step, moved.T)
+        worst.see(np.abs(nothing[:, :2]), f"steps of {size}")

@@ -11,7 +11,6 @@ from tactsim.bench.cli.app import app
 from tactsim.bench.placement import distances
 from tactsim.bench.stress import cases, chosen_cases, run_case
 from tactsim.bench.stress.case import case, fit_once, refused
-from tactsim.core import invert
 from tactsim.core.errors import InputError
 
 EVERY = cases()
@@ -77,7 +76,6 @@ def test_cases_are_chosen_by_name_and_by_tag():
 # tests/estimators/test_contract.py: one letter, readings without contrast, poses far away; and by test_pad_fit.py.
 LONG = (
     "filters.budget-of-one",
-    "filters.trained-on-faults",
     "filters.order-of-letters",
     "filters.faulty-taxels",
     "filters.after-nonsense",
@@ -101,11 +99,6 @@ def test_case(chosen):
 
 
 # For each a fault in the code under it: what is replaced, and by what.
-def not_inverted(estimated, true, symmetry, x, y, inertia):
-    """Take where the robot is in the object for where the object is."""
-    return distances(invert(estimated), invert(true), symmetry, x, y, inertia)
-
-
 def without_symmetry(estimated, true, symmetry, *of):
     return distances(estimated, true, 1, *of)
 
@@ -113,22 +106,12 @@ def without_symmetry(estimated, true, symmetry, *of):
 PLANTED = {
     "frames.wrap": ("tactsim.bench.stress.frames_cases.wrap_angle", lambda angle: np.asarray(angle)),
     "frames.symmetric-objects": ("tactsim.bench.placement.distances", without_symmetry),
-    "frames.error-at-the-seam": ("tactsim.bench.placement.distances", not_inverted),
     "maps.peak-near-one": ("tactsim.estimators.likelihoods.occupancy._NOTHING", 0.5),
     "likelihood.gamma": (
         "tactsim.estimators.likelihoods.paper.sigmoid",
         lambda odds: np.exp(odds) / (1 + np.exp(odds)),
     ),
-    "filters.skipping": ("tactsim.estimators.filters.histogram._NEGLIGIBLE", 1e6),
-    "particles.mode-of-the-density": (
-        "tactsim.bench.stress.particles_cases.parzen_mode",
-        lambda state, weight: (state.mean(axis=1), 0),
-    ),
     "engines.balance": ("tactsim.press.collide._BALANCE", 1e-2),
-    "likelihood.classifier-edges": (
-        "tactsim.bench.stress.likelihood_cases.classify",
-        lambda z: 1 * (np.asarray(z) > 2),
-    ),
 }
 
 
