@@ -9,6 +9,7 @@ for them: a fit to the pad, a belief that moves, an open set. What proposes read
 from __future__ import annotations
 
 import copy
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -48,6 +49,9 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
 
 # Nats of a reading that a model says is impossible, for a belief that may have moved on.
 _IMPOSSIBLE = -1e9
+# A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
+# or so, is none.
+_LEFT, _MUCH_LEFT = 0.1, 0.5
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
 # Bins of all letters, up to which they grow in number with the reach: of objects of 100 mm, 40 pictures.
@@ -209,6 +213,7 @@ class MapFilter(Estimator):
         self._reset(rng)
         if self.moving is not None or self._watched is not None:
             self._stirring, self._touches = rng.spawn(1)[0], list[tuple[FloatArray, FloatArray]]()
+            self._next_look = 0.0
         if self._watched is not None:
             self.moving = None
         elif self.moving is not None:
@@ -247,8 +252,8 @@ class MapFilter(Estimator):
         self._take_in(values, pose)
         if self._watched is not None:
             self._touches.append((values, pose))
-            if self.moving is None and self.stirred:
-                self._follow(self._watched)
+            if len(self._touches) >= self._next_look and (self.moving is not None or self.stirred):
+                self._look(self._watched)
         if self.open_set is not None:
             self.open_set.keep(values, pose)
 
@@ -259,19 +264,37 @@ class MapFilter(Estimator):
         else:
             self.measure()
 
-    def _follow(self, moving: MovingBelief) -> None:
-        """Take all touches in again, with a belief that moves, as if it had been there from the first on."""
-        self.field.reset()
-        self._reset(self._stirring)
-        self.moving = moving
-        moving.reset(self._stirring)
-        for touch in self._touches:
-            self._take_in(*touch)
+    def _look(self, moving: MovingBelief) -> None:
+        """Follow the object, or let it lie, by whether a motion explains the readings.
+
+        To follow it is to take all touches in again, with a belief that moves, as if it had been there from the first
+        on. The next look is after as many touches again; there is none if a motion explains next to nothing.
+        """
+        self._next_look = 2 * len(self._touches)
+        if self.moving is None:
+            self.field.reset()
+            self._reset(self._stirring)
+            self.moving = moving
+            moving.reset(self._stirring)
+            for touch in self._touches:
+                self._take_in(*touch)
+        left = self.left_along(moving)
+        if not left <= _LEFT:
+            self.moving = None
+        if left > _MUCH_LEFT:
+            self._next_look = math.inf
 
     @property
     def stirred(self) -> bool:
         """Tell whether the readings disagree with an object at rest; a filter that cannot tell always says so."""
         return True
+
+    def left_along(self, moving: MovingBelief) -> float:
+        """Tell what share of what is not explained at rest is not by a motion either; 0 of a filter that cannot tell.
+
+        It is nan if the object is more probably at rest.
+        """
+        return 0.0
 
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,9 @@ from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
 from tactsim.estimators.filters.trust_kernels import influence_at
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
+
+if TYPE_CHECKING:
+    from tactsim.estimators.filters.moving import MovingBelief
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -177,6 +180,20 @@ class RefinedFilter(GridFilter):
         """
         count = len(self.field)
         return self._unexplained > 0 and self.trust(count) > _STIRRED * self._weight
+
+    def left_along(self, moving: MovingBelief) -> float:
+        """Tell what share of what is not explained at rest is not along the path of a belief that moves either.
+
+        Readings of a load, pad or object that was not trained disagree about the place, too, but are explained badly
+        wherever the object is at each of them.
+        """
+        estimate = moving.estimate()
+        letter, poses = self.labels.index(estimate.label), moving.path(estimate)
+        if (poses == poses[-1]).all():
+            return math.nan
+        each = [self.field.log_p(letter, poses[k, :, None], k, k + 1).item() for k in range(len(poses))]
+        left = self.trust.misfit.unexplained(len(poses), self.field.bound() - sum(each))
+        return left / self._unexplained if self._unexplained else 0.0
 
     def own_estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""

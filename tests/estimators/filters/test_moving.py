@@ -247,3 +247,12 @@ def test_an_object_at_rest_is_seldom_seen_to_move(small):
     seen = fitted("refined", small, bins=1000, cell=0.8, motion="seen")
     follow(seen, readings, poses)
     assert seen.moving is None
+
+
+def test_readings_that_nothing_explains_are_no_motion(small):
+    """A pad that is mirrored since it was trained disagrees about the place from touch to touch."""
+    readings, poses, _ = sequence(small, "L", 14)
+    seen = fitted("refined", small, bins=1000, cell=0.8, motion="seen")
+    follow(seen, readings[:, ::-1], poses)
+    assert seen.stirred
+    assert seen.moving is None
