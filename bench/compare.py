@@ -11,7 +11,7 @@ import numpy as np
 from tactsim.bench.config import flags_of, flat
 from tactsim.bench.intervals import FEWEST_PAIRS, paired_interval
 from tactsim.bench.results import Run
-from tactsim.bench.score import settled_by
+from tactsim.bench.score import figures, settled_by
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import shape_digest
@@ -51,7 +51,7 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
     check_same_trials(base, new)
     rng = np.random.default_rng(0)
     scored = [run.scored for run in (base, new)]
-    kind = base.kind
+    kind, known = base.kind, figures(base.kind.name)
     readings = min(base.readings, new.readings)
     right = [run.trials.right[:, :readings] for run in (base, new)]
     rows = [
@@ -63,14 +63,18 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
     if both.any():
         for name, measure in kind.errors.items():
             pair = [measure(one)[both, readings - 1] for one in scored]
-            rows.append(paired(name.format(readings), pair[0], pair[1], rng, -1, level))
+            words = f"{known[name].heading.format(readings)}, both right"
+            rows.append(paired(words, pair[0], pair[1], rng, known[name].better, level))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = [each[:, reading - 1] for each in right]
         rows.append(
-            Difference(f"right @{reading}", float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair))
-        )
-    for name, share in (("all right from", 1.0), ("settled 95", 0.95)):
-        rows.append(Difference(name, settled_by(right[0], share), settled_by(right[1], share)))
+            Difference(
+                known["accuracy"].heading.format(reading),
+                float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair),
+            )
+        )  # fmt: skip
+    for name, share in (("all_right_from", 1.0), ("settled_95", 0.95)):
+        rows.append(Difference(known[name].heading, settled_by(right[0], share), settled_by(right[1], share)))
     before, after = (1e3 * float(run.trials.seconds[run.trials.taken].mean()) for run in (base, new))
     rows.append(Difference(f"ms a {kind.touch}", before, after))
     return rows

@@ -130,9 +130,9 @@ class Kind:
     `Trials` are filled from `Touch.more`. metrics: beside those of every run. about: the model of run.json. schema: of
     run.json. columns: of trials.csv. poses: how the names of its poses begin, and which field of `trials` holds them.
     asked: fields of the configuration that JSON shows beside the estimator, trials, seed and order of touches.
-    of_method: those that two runs of the same trials may differ in. errors: what is compared of each trial in which
-    both runs name the object; {} stands for the reading. own_touches: whether touches are of each trial alone, so that
-    runs with other touches of the same hidden objects may be compared.
+    of_method: those that two runs of the same trials may differ in. errors: figures that are compared over the trials
+    in which both runs name the object, with their values (n, r). own_touches: whether touches are of each trial alone,
+    so that runs with other touches of the same hidden objects may be compared.
     """
 
     name: ClassVar[str]
@@ -244,9 +244,9 @@ class Kind:
         """Write the page of runs, and what stands beside it; returns what `report.write.write_pages` does."""
         raise NotImplementedError
 
-    def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:
-        """Give what the terminal shows of a run beside what is right: curves by name, and (name, heading, digits)."""
-        return run.summary, [("error_mm", "error mm", 2)]
+    def table(self, run: Run, verbose: bool) -> list[str]:
+        """Name the figures that the terminal shows of a run's readings beside what is right."""
+        return ["error_mm"]
 
     def details(self, run: Run) -> list[str]:
         """Say in a few lines, of `bench run --verbose`, what such a run has to say beside the rest."""

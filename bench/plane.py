@@ -96,7 +96,7 @@ class Plane(Kind):
         "credibility", "radius_90", "nees", "evaluations",
     )  # fmt: skip
     asked = ("slip", "hold_out")
-    errors: ClassVar = {"error mm @{}, both right": lambda scored: scored.error}
+    errors: ClassVar = {"error_mm": lambda scored: scored.error}
 
     def configured(self, **words: Any) -> RunConfig:
         """Build a run's configuration; see `config.run_config`."""
@@ -298,15 +298,12 @@ class Plane(Kind):
 
         return write_plane_pages(of)
 
-    def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:
+    def table(self, run: Run, verbose: bool) -> list[str]:
         """Show the bound too, where it is known, and how sure the estimator was."""
-        values = run.summary | run.against_bound
-        bounded = any(bound is not None for bound in values["bound_mm"])
-        sure = verbose and any(value is not None for value in values["sharpness_mm"])
-        columns = [("error_mm", "error mm", 2)]
-        columns += [("efficiency", "x bound", 2)] * bounded + [("error_all_mm", "all mm", 2)] * verbose
-        columns += [("sharpness_mm", "90 % in mm", 2), ("coverage_90", "held", 2)] * sure
-        return values, columns
+        bounded = any(bound is not None for bound in run.against_bound["bound_mm"])
+        sure = verbose and any(value is not None for value in run.summary["sharpness_mm"])
+        names = ["error_mm", *["efficiency"] * bounded, *["error_all_mm"] * verbose]
+        return names + ["sharpness_mm", "coverage_90"] * sure
 
     def details(self, run: Run) -> list[str]:
         """Say the bound, how often eq. 3 is right, and the times."""

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tactsim.bench import columns, kinds
 from tactsim.bench.kinds import PLANE, Kind
-from tactsim.bench.score import CURVES, HEADLINES, Scored, summarise
+from tactsim.bench.score import CURVES, Scored, figures, summarise
 from tactsim.bench.trials import TrialPlan, TrialRules, Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
@@ -65,11 +65,12 @@ class Run:
 
         def __getattr__(self, name: str) -> Any:
             """Give a metric of `bench list metrics`: a curve (readings,), NaN where undefined, or of whole trials."""
-            if name in CURVES:
-                return np.array(self.summary[name], dtype=float)
-            if name in HEADLINES:
-                return self.summary[name]
-            raise AttributeError(f"a run has no {name}")
+            if name.startswith("_") or name == "trials" or name not in figures(self.trials.kind):
+                raise AttributeError(f"a run has no {name}")
+            value = self.summary.get(name)
+            if name not in self.summary:
+                value = figures(self.trials.kind)[name].compute(self.scored)
+            return np.array(value, dtype=float) if isinstance(value, list) else value
 
     @cached_property
     def scored(self) -> Scored:
@@ -313,7 +314,7 @@ class Run:
             "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
             for cells in self._cells()
         )
-        words = (self.kind.touches, "accuracy", "95 % interval", "error mm")
+        words = (self.kind.touches, CURVES["accuracy"].column, "95 % interval", CURVES["error_mm"].column)
         heads = "".join(f"<th>{word}</th>" for word in words)
         return (
             f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"

@@ -6,6 +6,7 @@ added later applies to every old run.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -194,15 +195,28 @@ class Metric:
     compute: over the reading count, (r,) or a list with None where undefined, or one number or table a run. pooled: the
     figure and its interval over the trials of several runs, after reading k + 1 where it has one; None if no table
     shows it. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
-    readings. better: +1 if more is better, -1 if less is, 0 if neither.
+    readings, None for three digits in all. better: +1 if more is better, -1 if less is, 0 if neither. section: of a
+    report's page whose table at a chosen reading shows it, "curves" or "certainty". table: whether it is one itself.
     """
 
     description: str
     compute: Callable[[Scored], Any]
     pooled: Callable[[Scored, int], Figure] | None = None
     heading: str = ""
-    digits: int = 3
+    digits: int | None = 3
     better: int = 0
+    section: str = ""
+    table: bool = False
+
+    @property
+    def of_readings(self) -> bool:
+        """Tell whether it is of each reading, and not of whole trials."""
+        return not self.table and (not self.heading or "{}" in self.heading)
+
+    @property
+    def column(self) -> str:
+        """Give the heading where the reading is said elsewhere."""
+        return re.sub(r",? (after|of reading) {}", "", self.heading)
 
 
 def _all(scored: Scored) -> NDArray[np.bool_]:
@@ -221,13 +235,14 @@ def _sure(scored: Scored) -> NDArray[np.bool_]:
     return scored.trials.sure
 
 
-def _averaged(
+def averaged(
     description: str,
     values: Callable[[Scored], NDArray[Any]],
     heading: str,
     among: Callable[[Scored], NDArray[np.bool_]] = _all,
     digits: int = 3,
     better: int = 0,
+    section: str = "",
 ) -> Metric:
     """Describe the mean of `values` (n, r), or the share where they are booleans, of the trials `among` (n, r)."""
 
@@ -238,7 +253,7 @@ def _averaged(
     def compute(scored: Scored) -> Curve:
         return mean_where(np.asarray(values(scored), dtype=float), among(scored))
 
-    return Metric(description, compute, pooled, heading, digits, better)
+    return Metric(description, compute, pooled, heading, digits, better, section)
 
 
 def _settled(description: str, part: float, heading: str) -> Metric:
@@ -343,11 +358,12 @@ def _stephens(count: int) -> float:
 
 # Over the reading count. `bench list metrics` shows them in this order.
 CURVES: dict[str, Metric] = {
-    "accuracy": _averaged(
+    "accuracy": averaged(
         "Share of the trials whose letter is right, after each reading.",
         lambda scored: scored.trials.right,
         "right after {}",
         better=1,
+        section="curves",
     ),
     "accuracy_low": Metric(
         "Lower end of the accuracy's 95 % Wilson interval.",
@@ -357,51 +373,55 @@ CURVES: dict[str, Metric] = {
         "Upper end of the accuracy's 95 % Wilson interval.",
         lambda scored: wilson(scored.trials.right.sum(axis=0), len(scored.trials.truth))[1],
     ),
-    "error_mm": _averaged(
+    "error_mm": averaged(
         "Mean placement error of the trials whose letter is known and right (as the paper averages it).",
         lambda scored: scored.error,
         "error after {}, mm",
         _named,
         digits=2,
         better=-1,
+        section="curves",
     ),
     "error_standard_error_mm": Metric("Give the standard error of `error_mm`.", error_standard_error),
-    "error_all_mm": _averaged(
+    "error_all_mm": averaged(
         "Mean placement error over all trials of known letters, the wrong estimates included.",
         lambda scored: scored.error,
         "error over all trials after {}, mm",
         _known,
         digits=2,
         better=-1,
+        section="curves",
     ),
-    "negative_log_likelihood": _averaged(
+    "negative_log_likelihood": averaged(
         "Mean of -log p(right label), in nats; p is floored at the smallest normal float.",
         lambda scored: -np.log(np.clip(scored.trials.p_truth, np.finfo(float).tiny, None)),
         "-log p of the right letter after {}",
         better=-1,
     ),
-    "brier": _averaged(
+    "brier": averaged(
         "Mean squared difference between the estimate's stated probability and 1 where it is right, 0 where it is not.",
         lambda scored: (scored.trials.p_label - scored.trials.right) ** 2,
         "Brier score after {}",
         better=-1,
     ),
-    "calibration_gap": _averaged(
+    "calibration_gap": averaged(
         "Mean stated probability of the estimate minus its accuracy: above 0 is overconfident.",
         lambda scored: scored.trials.p_label - scored.trials.right,
         "letter's probability less its accuracy after {}",
     ),
-    "coverage_50": _averaged(
+    "coverage_50": averaged(
         "Share of the trials whose letter is known and right in which the 50 % region of the place holds the truth.",
         lambda scored: scored.trials.credibility < 0.5,
         "50 % regions hold the truth after {}",
         _sure,
+        section="certainty",
     ),
-    "coverage_90": _averaged(
+    "coverage_90": averaged(
         "Share of the trials whose letter is known and right in which the 90 % region of the place holds the truth.",
         lambda scored: scored.trials.credibility < 0.9,
         "90 % regions hold the truth after {}",
         _sure,
+        section="certainty",
     ),
     "coverage_90_worst": Metric(
         "`coverage_90` of the worst quarter: trials are cut in four by the radius of their region.",
@@ -409,6 +429,7 @@ CURVES: dict[str, Metric] = {
         worst_quarter,
         "90 % regions of the worst quarter hold the truth after {}",
         better=1,
+        section="certainty",
     ),
     "coverage_90_worst_low": Metric(
         "Lower end of the 95 % interval of `coverage_90_worst`, corrected for four quarters.",
@@ -424,37 +445,40 @@ CURVES: dict[str, Metric] = {
         lambda scored, k: Figure(rank_p(scored, k), None, None),
         "p of even ranks after {}",
         better=1,
+        section="certainty",
     ),
-    "sharpness_mm": _averaged(
+    "sharpness_mm": averaged(
         "Mean radius of the 90 % region, in the metric of the error, where the letter is known and right.",
         lambda scored: scored.trials.radius_90,
         "90 % within, after {}, mm",
         _sure,
         digits=2,
         better=-1,
+        section="certainty",
     ),
-    "nees": _averaged(
+    "nees": averaged(
         "Mean squared error of the belief's mean over its covariance, a number of the pose, where the letter is right.",
         lambda scored: scored.trials.nees,
         "error squared over covariance after {}",
         lambda scored: _sure(scored) & ~np.isnan(scored.trials.nees),
         digits=2,
+        section="certainty",
     ),
-    "refused_known": _averaged(
+    "refused_known": averaged(
         "Share of the trials of known letters whose estimate is 'none'; None without such trials.",
         lambda scored: scored.trials.label == NONE,
         "others refused after {}",
         _known,
         better=-1,
     ),
-    "refused_unknown": _averaged(
+    "refused_unknown": averaged(
         "Share of the trials of held-out letters whose estimate is 'none'; None without such trials.",
         lambda scored: scored.trials.label == NONE,
         "refused after {}",
         lambda scored: ~_known(scored),
         better=1,
     ),
-    "evaluations": _averaged(
+    "evaluations": averaged(
         "Mean number of likelihood evaluations of the update at each reading.",
         lambda scored: scored.trials.evaluations,
         "likelihood evaluations of reading {}",
@@ -497,6 +521,7 @@ HEADLINES: dict[str, Metric] = {
     "confusion": Metric(
         "Count the estimates after the last reading: {true letter: {estimated letter: trials}}.",
         lambda scored: confusion(scored.trials),
+        table=True,
     ),
 }
 
@@ -544,6 +569,7 @@ BESIDE: dict[str, Metric] = {
         "error / bound after {}",
         digits=2,
         better=-1,
+        section="curves",
     ),
     "ms": Metric(
         "Processor time of a recognition, ms: the median over the trials.",
@@ -552,9 +578,15 @@ BESIDE: dict[str, Metric] = {
             1e3 * recognition_seconds(scored.trials, scored.trials.label.shape[1]), None, None
         ),
         "ms a recognition",
+        digits=None,
         better=-1,
     ),
 }
+
+
+def figures(kind: str) -> dict[str, Metric]:
+    """Give the figures of runs of a kind by name, in the order in which they are listed."""
+    return {**CURVES, **HEADLINES, **BESIDE, **kinds.load(kind).metrics}
 
 
 def summarise(scored: Scored) -> dict[str, Any]:

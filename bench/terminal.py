@@ -27,6 +27,7 @@ from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, load, picture_names
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.naming import task_name
+from tactsim.bench.score import BESIDE, CURVES, figures
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
 
@@ -279,16 +280,17 @@ def work_line(work: Mapping[str, Any]) -> str:
 
 def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
     """Lay out some readings or touches: the share that is right, its interval, and what else is known of them."""
-    values, columns = run.kind.table(run, verbose)  # curves; the name of each, its heading and its digits
-    heads = (run.kind.touches, "right", "95 % interval")
-    table = plain_table(*heads, *(heading for _, heading, _ in columns), words=0)
+    values, shown = {**run.summary, **run.against_bound}, run.kind.table(run, verbose)
+    known = figures(run.kind.name)
+    heads = (run.kind.touches, known["accuracy"].column, "95 % interval")
+    table = plain_table(*heads, *(known[name].column for name in shown), words=0)
     for row in rows:
         k = row - 1
         table.add_row(
             str(row),
             f"{values['accuracy'][k]:.3f}",
             f"{values['accuracy_low'][k]:.3f} - {values['accuracy_high'][k]:.3f}",
-            *(_number(values[name][k], digits) for name, _, digits in columns),
+            *(_number(values[name][k], known[name].digits or 0) for name in shown),
         )
     return table
 
@@ -301,7 +303,8 @@ def print_bound(found: Bound) -> None:
         f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
         f"seed {values['seed']}"
     )
-    table = plain_table("readings", "right", "error mm", "bound mm", "trials", words=0)
+    heads = (CURVES["accuracy"].column, CURVES["error_mm"].column, BESIDE["bound_mm"].column)
+    table = plain_table("readings", *heads, "trials", words=0)
     for reading in _rows(values["readings"], ROWS):
         k = reading - 1
         table.add_row(
@@ -315,7 +318,7 @@ def print_bound(found: Bound) -> None:
     if values["no_bayes"]:
         console.print(f"no exact Bayes: {values['no_bayes']}")
     console.print(
-        "right, error: of exact Bayes, which knows the press; bound: Cramer-Rao, over the share `trials` of trials "
+        "right, error: of exact Bayes, which knows the press; Cramer-Rao bound: over the share `trials` of trials "
         f"whose readings determine the pose to {values['determined_below_mm']:.2g} mm; -: such trials are too few"
     )
 

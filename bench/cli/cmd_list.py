@@ -164,13 +164,16 @@ def _slip() -> list[Row]:
 
 def _metrics() -> list[Row]:
     from tactsim.bench import kinds
-    from tactsim.bench.score import BESIDE, CURVES, HEADLINES
+    from tactsim.bench.score import figures
 
-    rows = [(name, "", metric.description) for name, metric in (CURVES | HEADLINES | BESIDE).items()]
+    rows: dict[str, Row] = {}
     for kind in kinds.names():
         own = kinds.load(kind).metrics
-        rows += [(name, f"of {kind}", metric.description) for name, metric in own.items()]
-    return rows
+        rows |= {
+            name: (name, f"of {kind}" if name in own else "", metric.description)
+            for name, metric in figures(kind).items()
+        }
+    return list(rows.values())
 
 
 def _suites() -> list[Row]:

@@ -230,8 +230,14 @@ def _compare_all(folders: list[Path]) -> None:
     ranking = ranked(pools, f"accuracy@{min(5, *(run.readings for run in runs))}")
     place = {one.method: number for number, one in enumerate(ranking.pools)}
     base, worse = place[str(folders[0])], []
+    kind = runs[0].kind.name
     table = plain_table(
-        "run", heading(ranking.accuracy_by), "p", heading(ranking.error_by), "p", "against the first"
+        "run",
+        heading(ranking.accuracy_by, kind),
+        "p",
+        heading(ranking.error_by, kind),
+        "p",
+        "against the first",
     )
     for folder in folders:
         i = place[str(folder)]
@@ -273,7 +279,7 @@ def command_runs(
     from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.report.write import check_folder
     from tactsim.bench.results import load
-    from tactsim.bench.runs.pooled import cell, pool
+    from tactsim.bench.runs.pooled import cell, metric_of, pool
 
     check_folder(folder)
     found, remarks = [], []
@@ -287,10 +293,11 @@ def command_runs(
             remarks.append(str(error))
     if not found:
         raise InputError(f"{folder}: no run in it or below; `bench run` makes one")
-    heads = ("begun", "run", "method", "data", "readings", "right", "95 % settled by", "error mm")
-    table = plain_table(*heads, words=4)
+    names = ("accuracy", "settled_95", "error_mm")  # after the last reading
+    heads = (metric_of(name).column for name in names)
+    table = plain_table("begun", "run", "method", "data", "readings", *heads, words=4)
     for begun, path, one in sorted(found, key=lambda of: of[:2]):
-        asked = (f"accuracy@{one.readings}", "settled_95", f"error_mm@{one.readings}")
+        asked = (f"{name}@{one.readings}" if metric_of(name).of_readings else name for name in names)
         figures = [cell(one, figure).partition(" ")[0] for figure in asked]  # their intervals: bench table
         table.add_row(begun[:16], str(path), one.label, one.task, str(one.readings), *figures)
     plain_console().print(table)

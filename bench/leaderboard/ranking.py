@@ -204,4 +204,4 @@ def _loss(one: Pooled, figure: str) -> float:
     value = figure_of(one, figure).value
     if value is None:
         return np.inf
-    return -metric_of(figure).better * value
+    return -metric_of(figure, one.run.kind.name).better * value

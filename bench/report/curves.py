@@ -12,19 +12,17 @@ from numpy.typing import NDArray
 from tactsim.bench.columns import csv_text
 from tactsim.bench.report.recognition import Replayed
 from tactsim.bench.runs.pooled import Group, Pooled
-from tactsim.bench.score import error_limits, recognition_seconds, settled_by
+from tactsim.bench.score import BESIDE, CURVES, error_limits, recognition_seconds, settled_by
 from tactsim.bench.trials import Trials
 
 _WHO = ("protocol", "task", "run", "folder", "seed", "estimator", "budget")
+_ERROR_BAND = ("error_low_mm", "error_high_mm")
+_FIGURES = (*CURVES, *_ERROR_BAND, *(name for name, metric in BESIDE.items() if metric.of_readings))
 
 
 # The columns of NAME.csv.
 COLUMNS: dict[str, Sequence[str]] = {
-    "readings": (
-        *_WHO, "reading", "accuracy", "accuracy_low", "accuracy_high", "error_mm", "error_low_mm", "error_high_mm",
-        "error_all_mm", "coverage_50", "coverage_90", "coverage_90_worst", "rank_p", "nees", "sharpness_mm",
-        "bound_mm", "efficiency",
-    ),
+    "readings": (*_WHO, "reading", *_FIGURES),
     "reliability": (*_WHO, "probability", "right", "estimates"),
     "pareto": (
         *_WHO, "method", "budget_option", "readings", "seconds_per_recognition",
@@ -45,6 +43,11 @@ def tables(groups: Sequence[Group], replayed: Sequence[Replayed]) -> dict[str, s
         "recognition": _recognition(replayed),
     }
     return {name: csv_text(columns, rows[name]) for name, columns in COLUMNS.items()}
+
+
+def curves(entry: Pooled) -> dict[str, Any]:
+    """Give every figure of an entry by name, also those of its bound."""
+    return {**entry.summary, **entry.against_bound}
 
 
 def axis_of_errors(group: Group) -> tuple[float, float]:
@@ -132,15 +135,8 @@ def _who(group: Group, entry: Pooled) -> tuple[str, ...]:
 def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
     for group in groups:
         for entry in group.entries:
-            s = entry.summary
-            columns = (
-                s["accuracy"], s["accuracy_low"], s["accuracy_high"],
-                s["error_mm"], *entry.error_band, s["error_all_mm"],
-                s["coverage_50"], s["coverage_90"], s["coverage_90_worst"], s["rank_p"], s["nees"],
-                s["sharpness_mm"],
-                entry.against_bound["bound_mm"], entry.against_bound["efficiency"],
-            )  # fmt: skip
-            for number, row in enumerate(zip(*columns, strict=True), start=1):
+            values = curves(entry) | dict(zip(_ERROR_BAND, entry.error_band, strict=True))
+            for number, row in enumerate(zip(*(values[name] for name in _FIGURES), strict=True), start=1):
                 yield *_who(group, entry), number, *row
 
 

@@ -9,30 +9,30 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE
-from tactsim.bench.report.curves import (
-    below_bound,
-    confusion_counts,
-    machine_line,
-    points,
-)
+from tactsim.bench.report.curves import below_bound, confusion_counts, curves, machine_line, points
 from tactsim.bench.report.picture import plots
 from tactsim.bench.report.recognition import Recognition, Replayed, drawing, map_outline, taxel_size
 from tactsim.bench.runs import paper
-from tactsim.bench.runs.pooled import Group, Pooled
+from tactsim.bench.runs.pooled import Group, Pooled, figure_of, metric_of
+from tactsim.bench.runs.tables import heading
+from tactsim.bench.score import Metric, figures
 from tactsim.core.errors import counted
 from tactsim.estimators.filters.grid import TABLE_I
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, log_odds
 
 _ASSETS = "report/assets/"
+_WHOLE = ("all_right_from", "settled_95")  # figures that the page shows of whole runs
+_SEEN = (1, 2, 3, 5, 10)  # readings after which the headlines show the accuracy, beside the last
 # What the names of protocols say, in the words of a heading.
 _WORDS = {
     "test poses same": "tested at the poses of training",
@@ -74,6 +74,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         "versions": _versions(entries),
         "dates": sorted({str(entry.run.times.get("started", ""))[:10] for entry in entries} - {""}),
         "remarks": list(remarks),
+        "figures": shown_figures(PLANE),
         "protocols": [
             _protocol(name, [group for group in groups if group.protocol == name], names, replayed, arrays)
             for name in dict.fromkeys(group.protocol for group in groups)
@@ -91,6 +92,27 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         data=data,
         arrays=arrays.text(),
     )
+
+
+def shown_figures(kind: str) -> dict[str, Any]:
+    """List the figures that the page's tables at a chosen reading show: {name: how}; then those of whole runs."""
+    return {
+        name: {"heading": metric.column, **_how(metric), "section": metric.section}
+        for name, metric in figures(kind).items()
+        if metric.section or name in _WHOLE
+    }
+
+
+def _how(metric: Metric) -> dict[str, Any]:
+    return {"digits": metric.digits, "better": metric.better}
+
+
+def _headlines(readings: int) -> list[str]:
+    """List the figures of the table that a task begins with."""
+    last = ("accuracy@{}", *_WHOLE, "error_mm@{}", "ms", "evaluations@{}")
+    return [
+        *(f"accuracy@{k}" for k in _SEEN if k < readings), *(figure.format(readings) for figure in last)
+    ]  # fmt: skip
 
 
 def _versions(entries: Sequence[Pooled]) -> str:
@@ -139,11 +161,13 @@ def _title(protocol: str) -> str:
 
 def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
     keys = {id(entry): number for number, entry in enumerate(group.entries)}
+    headlines = _headlines(group.readings)
     return {
         "name": group.task,
         "readings": group.readings,
         "machine": machine_line(group.entries),
-        "runs": [_run(entry, methods, arrays) for entry in group.entries],
+        "headlines": [{"heading": heading(figure), **_how(metric_of(figure))} for figure in headlines],
+        "runs": [_run(entry, methods, headlines, arrays) for entry in group.entries],
         "notes": below_bound(group),
         "printed": [
             {**asdict(printed), "run": keys[id(entry)], "words": printed.words, "bins": _table_1(printed)}
@@ -169,9 +193,9 @@ def _table_1(printed: paper.Printed) -> str | None:
     return " x ".join(map(str, TABLE_I[printed.amount])) if printed.option == "bins" else None
 
 
-def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
-    run, summary = entry.run, entry.summary
-    low, high = entry.error_band
+def _run(entry: Pooled, methods: Sequence[str], headlines: Sequence[str], arrays: Arrays) -> dict[str, Any]:
+    run, values = entry.run, curves(entry)
+    bands = {"accuracy": (values["accuracy_low"], values["accuracy_high"]), "error_mm": entry.error_band}
     letters, counts = confusion_counts(entry)
     trials = entry.trials
     answers = dict(zip(trials.truth.tolist(), trials.answer.tolist(), strict=True))
@@ -185,27 +209,15 @@ def _run(entry: Pooled, methods: Sequence[str], arrays: Arrays) -> dict[str, Any
         "trials": len(trials.truth),
         "scans": len(entry.runs),
         "readings": entry.readings,
-        "accuracy": _column(summary["accuracy"]),
-        "accuracyLow": _column(summary["accuracy_low"]),
-        "accuracyHigh": _column(summary["accuracy_high"]),
-        "error": _column(summary["error_mm"]),
-        "errorLow": _column(low),
-        "errorHigh": _column(high),
-        "errorAll": _column(summary["error_all_mm"]),
-        "bound": _column(entry.against_bound["bound_mm"]),
-        "efficiency": _column(entry.against_bound["efficiency"]),
-        "coverage90": _column(summary["coverage_90"]),
-        "coverage90Worst": _column(summary["coverage_90_worst"]),
-        "coverage50": _column(summary["coverage_50"]),
-        "rankP": _column(summary["rank_p"]),
-        "nees": _column(summary["nees"]),
-        "sharpness": _column(summary["sharpness_mm"]),
-        "allRightFrom": summary["all_right_from"],
-        "settled95": summary["settled_95"],
-        "msPerReading": _short(1e3 * float(trials.seconds[trials.taken].mean())),
-        "evaluations": _short(float(trials.evaluations[trials.taken].mean()))
-        if trials.evaluations.any()
-        else None,
+        # By name: the values of each reading, and the ends of their intervals where they are known; or one value.
+        "figures": {
+            name: values[name]
+            if name in _WHOLE
+            else [_column(part) for part in (values[name], *bands.get(name, ()))]
+            for name in shown_figures(PLANE)
+        },
+        "headlines": [[_short(part) for part in astuple(figure_of(entry, name))] for name in headlines],
+        "bounded": any(value is not None for value in values["bound_mm"]),
         "confusion": {
             "letters": letters,
             "right": [letters.index(answers.get(letter, letter)) for letter in letters],

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from tactsim.bench.intervals import Figure, counts_of
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.results import Run
 from tactsim.bench.runs.naming import Budget, budget, method_name, task_name
-from tactsim.bench.score import BESIDE, CURVES, HEADLINES, Metric, Scored, summarise
+from tactsim.bench.score import Metric, Scored, figures, summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.errors import counted, short, unknown
@@ -218,14 +219,14 @@ def cell(one: Pooled, figure: str) -> str:
     name, _, at = figure.partition("@")
     if "," in at:
         return " / ".join(cell(one, f"{name}@{reading}").partition(" (")[0] for reading in at.split(","))
-    found, digits = figure_of(one, figure), metric_of(name).digits
-    if name == "ms":
-        return f"{found.value:.3g}"
-    if not digits:
+    found, digits = figure_of(one, figure), metric_of(name, one.run.kind.name).digits
+    if digits == 0:
         value, low, high = (str(part or "later") for part in (found.value, found.low, found.high))
         return value if low == high == value else f"{value} ({low}-{high})"
     if found.value is None:
         return "-"
+    if digits is None:
+        return f"{found.value:.3g}"
     value, *ends = in_digits(found, digits)
     return f"{value} ({'-'.join(ends)})" if ends else value
 
@@ -241,29 +242,30 @@ def in_digits(found: Figure, least: int) -> list[str]:
     return next((texts for texts in rounded if len(set(texts[1:])) > 1), rounded[0])
 
 
-def metric_of(figure: str) -> Metric:
-    """Find what a figure such as accuracy@5 is. Raises InputError if there is none of that name."""
-    name, table = figure.partition("@")[0], CURVES | HEADLINES | BESIDE
-    if name in table and name != "confusion":  # which is a table itself
-        return table[name]
+def metric_of(figure: str, kind: str = PLANE) -> Metric:
+    """Find what a figure such as accuracy@5 is, of runs of a kind. Raises InputError if there is none of that name."""
+    name = figure.partition("@")[0]
+    known = {of: metric for of, metric in figures(kind).items() if not metric.table}
+    if name in known:
+        return known[name]
     if name in _BEFORE:
         raise InputError(f"the figure {name} is now called {_BEFORE[name]}")
-    raise unknown("figure", name, [of for of in table if of != "confusion"])
+    raise unknown("figure", name, list(known))
 
 
 def figure_of(one: Pooled, figure: str) -> Figure:
     """Work out one figure of a pool, such as accuracy@5. Raises InputError as `cell` does."""
     name, _, at = figure.partition("@")
-    metric, of_readings = metric_of(name), name not in HEADLINES and name != "ms"
-    if of_readings and not (at.isdigit() and 1 <= int(at) <= one.readings):
+    metric = metric_of(name, one.run.kind.name)
+    if metric.of_readings and not (at.isdigit() and 1 <= int(at) <= one.readings):
         last = one.readings
         raise InputError(
             f"the figure {short(figure)} asks for no reading from 1 to {last}; write {name}@{last}"
         )
-    if at and not of_readings:
+    if at and not metric.of_readings:
         raise InputError(f"the figure {name} is of whole trials; leave away @{short(at)}")
     k = int(at) - 1 if at else 0
     if metric.pooled is not None:
         return metric.pooled(one.scored, k)
     found = metric.compute(one.scored)
-    return Figure(found[k] if of_readings else found, None, None)
+    return Figure(found[k] if metric.of_readings else found, None, None)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from tactsim.bench.columns import csv_text
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.runs.pooled import Pooled, cell, figure_of, metric_of
 from tactsim.core.errors import counted
 
@@ -37,7 +38,13 @@ def plain_rows(
     """
     marks = [("protocol", [one.protocol for one in pools]), ("condition", [one.task for one in pools])]
     shown = [(name, values) for name, values in marks if len(set(values)) > 1]
-    rows = [["method", *(name for name, _ in shown), *(heading(figure) for figure in figures)]]
+    rows = [
+        [
+            "method",
+            *(name for name, _ in shown),
+            *(heading(figure, pools[0].run.kind.name) for figure in figures),
+        ]
+    ]
     for number, one in enumerate(pools):
         cells = [cell(one, figure) for figure in figures]
         rows.append([one.label, *(values[number] for _, values in shown), *cells])
@@ -46,10 +53,10 @@ def plain_rows(
     )
 
 
-def heading(figure: str) -> str:
+def heading(figure: str, kind: str = PLANE) -> str:
     """Say in words what a figure such as accuracy@5 is."""
     name, _, at = figure.partition("@")
-    return (metric_of(name).heading or f"{name} after {{}}").format(at.replace(",", ", "))
+    return (metric_of(name, kind).heading or f"{name} after {{}}").format(at.replace(",", ", "))
 
 
 def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:

@@ -104,12 +104,12 @@ def solid_options() -> Iterator[str]:
 
 def metrics() -> Iterator[str]:
     """Write every metric of a run, and what it is."""
-    from tactsim.bench.score import BESIDE, CURVES, HEADLINES
+    from tactsim.bench.score import figures
     from tactsim.solids.score import METRICS
 
     rows = [
         (code(name), "solids" if name in METRICS else "all", metric.description)
-        for name, metric in (CURVES | HEADLINES | BESIDE | METRICS).items()
+        for name, metric in figures("solids").items()
     ]
     yield from table(("name", "of which runs", "what it is"), rows)
 

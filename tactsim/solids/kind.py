@@ -318,7 +318,7 @@ class Solids(Kind):
     )  # fmt: skip
     asked = ("touches", "hand")
     of_method = (*Kind.of_method, "touches", "hand", "explore")
-    errors: ClassVar = {"surface mm @{}, both right": lambda scored: scored.error, "angle deg @{}": angle}
+    errors: ClassVar = {"error_mm": lambda scored: scored.error, "angle_deg": angle}
     own_touches = True
 
     def configured(self, **words: Any) -> SpaceConfig:
@@ -440,12 +440,11 @@ class Solids(Kind):
 
         return write_space_page(of)
 
-    def table(self, run: Run, verbose: bool) -> tuple[Mapping[str, Any], list[tuple[str, str, int]]]:
+    def table(self, run: Run, verbose: bool) -> list[str]:
         """Show the angle too."""
-        columns = [("error_mm", "error mm", 2)]
-        columns += [("error_median_mm", "median", 2)] * verbose + [("angle_deg", "degrees", 1)]
-        columns += [("angle_median_deg", "median", 1), ("coverage_90", "90 % held", 2)] * verbose
-        return run.summary, columns
+        if not verbose:
+            return ["error_mm", "angle_deg"]
+        return ["error_mm", "error_median_mm", "angle_deg", "angle_median_deg", "coverage_90"]
 
     def details(self, run: Run) -> list[str]:
         """Say which objects were hardest, how many touches met one, and the times."""

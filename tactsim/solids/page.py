@@ -16,7 +16,7 @@ from tactsim.bench.experiment import gather, plan_of, silent
 from tactsim.bench.kinds import Pages
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE, check_page
-from tactsim.bench.report.page import Arrays
+from tactsim.bench.report.page import Arrays, shown_figures
 from tactsim.bench.report.picture import alone
 from tactsim.bench.report.recognition import Again, do_again, trials_to_show
 from tactsim.bench.results import Run
@@ -130,10 +130,6 @@ def _seen(surface: Surface, right: FloatArray, up: FloatArray) -> tuple[FloatArr
 
 
 _REPORT, _SPACE = "report/assets/", "/solids/assets/"
-_VALUES = {
-    "accuracy": "accuracy", "error": "error_mm", "errorMedian": "error_median_mm", "angle": "angle_deg",
-    "angleMedian": "angle_median_deg", "coverage": "coverage_90",
-}  # fmt: skip
 _DOTS = 24  # surface points of each pose of a belief
 
 
@@ -174,6 +170,7 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Again]], remar
         f"{first.about['machine']['processor']}",
         "versions": ", ".join(f"{name} {number}" for name, number in sorted(first.about["versions"].items())),
         "remarks": list(remarks),
+        "figures": _figures(first),
         "labels": labels,
         "objects": labels,
         "runs": [_run(name, run) for name, run in runs.items()],
@@ -208,6 +205,10 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Again]], remar
     )
 
 
+def _figures(run: Run) -> dict[str, Any]:
+    return {name: how for name, how in shown_figures(run.kind.name).items() if name in run.summary}
+
+
 def _run(name: str, run: Run) -> dict[str, Any]:
     summary, trials = run.summary, run.trials
     objects = {}
@@ -217,8 +218,10 @@ def _run(name: str, run: Run) -> dict[str, Any]:
         objects[label] = {**values, "taken": ", ".join(f"{other} {n}" for other, n in wrong.most_common(3))}
     return {
         "label": f"{run.config['estimator']} ({name}), {counted(len(trials.truth), 'trial')}",
-        **{key: summary[of] for key, of in _VALUES.items()},
-        "settled": summary["settled_95"],
+        "figures": {
+            name: [summary[name]] if isinstance(summary[name], list) else summary[name]
+            for name in _figures(run)
+        },
         "seconds": float(trials.seconds.sum(axis=1).mean()),
         "objects": objects,
     }

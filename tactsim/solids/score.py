@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactsim.bench.intervals import FEWEST_PAIRS
-from tactsim.bench.score import Curve, Metric, Scored, errors, mean_where, nones
+from tactsim.bench.score import Curve, Metric, Scored, averaged, errors, mean_where, nones
 from tactsim.bench.trials import Trials
 from tactsim.core import rigid
 from tactsim.core.errors import InputError
@@ -265,10 +265,19 @@ METRICS: dict[str, Metric] = {
     "error_median_mm": Metric(
         "Median surface distance of the trials whose object is right: a few poses that are far off do not move it.",
         lambda scored: _median(scored.error, scored.trials.named),
+        heading="median error after {}, mm",
+        digits=2,
+        better=-1,
+        section="curves",
     ),
-    "angle_deg": Metric(
+    "angle_deg": averaged(
         "Mean angle between estimated and true rotation where the object is right, the least over its symmetry.",
-        lambda scored: mean_where(angle(scored), scored.trials.named),
+        angle,
+        "angle after {}, degrees",
+        lambda scored: scored.trials.named,
+        digits=1,
+        better=-1,
+        section="curves",
     ),
     "angle_low_deg": Metric(
         "Lower end of the 95 % interval of `angle_deg`, by a bootstrap over trials.",
@@ -281,10 +290,16 @@ METRICS: dict[str, Metric] = {
     "angle_median_deg": Metric(
         "Median angle where the object is right.",
         lambda scored: _median(angle(scored), scored.trials.named),
+        heading="median angle after {}, degrees",
+        digits=1,
+        better=-1,
+        section="curves",
     ),
     "met": Metric("Share of the touches that met the object with one pad at least.", met),
     "by_object": Metric(
-        "Give accuracy, mean surface distance and angle of each object after the last touch.", by_object
+        "Give accuracy, mean surface distance and angle of each object after the last touch.",
+        by_object,
+        table=True,
     ),
 }
 

@@ -62,7 +62,7 @@ def test_the_placement_of_what_is_rightly_refused_is_not_compared():
     near, far = (
         {row.name: row for row in compare(refusing(base, 0), refusing(new, away))} for away in (0, 50)
     )
-    assert far["error mm @6, both right"] == near["error mm @6, both right"]
+    assert far["error after 6, mm, both right"] == near["error after 6, mm, both right"]
 
 
 def test_errors_that_nobody_knows_are_not_called_the_same():

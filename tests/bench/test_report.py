@@ -134,7 +134,7 @@ def test_curves_are_those_of_the_summary(runs, report):
             wanted = ["" if value is None else repr(value) for value in summary[name]]
             assert [row[name] for row in rows] == wanted
     drawn = {run["folder"]: run for task in data_of(report)["protocols"][0]["tasks"] for run in task["runs"]}
-    assert drawn[str(runs.small)]["accuracy"] == pytest.approx(
+    assert drawn[str(runs.small)]["figures"]["accuracy"][0] == pytest.approx(
         results.load(runs.small).summary["accuracy"], rel=1e-5
     )
 
@@ -303,9 +303,9 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
     (run,) = task["runs"]
     assert (run["scans"], run["trials"]) == (3, 12)
     (one,) = pool(results.load(seed) for seed in seeds)
-    for name, figure in (("accuracy", "accuracy@5"), ("error", "error_mm@5")):
-        found = figure_of(one, figure)
-        shown = [run[f"{name}{end}"][4] for end in ("", "Low", "High")]
+    for name in ("accuracy", "error_mm"):
+        found = figure_of(one, f"{name}@5")
+        shown = [part[4] for part in run["figures"][name]]
         assert shown == pytest.approx([found.value, found.low, found.high], rel=1e-5)
     rows = rows_of(tmp_path / "pooled-readings.csv")
     assert {(row["seed"], row["estimator"], row["budget"]) for row in rows} == {

@@ -140,9 +140,11 @@ def test_a_run_is_not_worse_than_itself_and_a_pose_that_is_off_is_worse():
     worse = replace(base, trials=replace(base.trials, pose=compose(off, base.trials.pose)))
     verdicts = {row.name: row.verdict for row in compare(base, worse)}
     assert verdicts["share of touches right"] == "not told apart"
-    assert verdicts["surface mm @3, both right"] == verdicts["angle deg @3"] == "worse"
+    assert (
+        verdicts["error after 3, mm, both right"] == verdicts["angle after 3, degrees, both right"] == "worse"
+    )
     back = {row.name: row.verdict for row in compare(worse, base)}
-    assert back["surface mm @3, both right"] == "better"
+    assert back["error after 3, mm, both right"] == "better"
 
 
 def test_other_hidden_objects_are_refused():

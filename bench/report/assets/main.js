@@ -24,12 +24,7 @@ function readingsSection(task) {
     plot(`${task.plots}-error`, "Placement error where the letter is right, mm"));
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
-  const values = runsTable([
-    ["right", (run, k) => within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)],
-    ["error, mm", (run, k) => within(run.error[k], run.errorLow[k], run.errorHigh[k], 2)],
-    ["error / bound", (run, k) => fixed(run.efficiency[k], 2)],
-    ["error over all trials, mm", (run, k) => fixed(run.errorAll[k], 2)],
-  ]);
+  const values = runsTable(figuresOf("curves"));
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -55,7 +50,7 @@ function readingsSection(task) {
     values.show(task.runs.filter((run) => visible.has(run)), reading);
   }
   update(Math.min(10, last));
-  const bounded = task.runs.some((run) => run.bound.some((value) => value !== null));
+  const bounded = task.runs.some((run) => run.bounded);
   return section("Accuracy and error against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
     plots,
@@ -65,12 +60,12 @@ function readingsSection(task) {
     scrolling("Values at the chosen reading", values.table));
 }
 
-// Runs at a reading, a row each; columns: what each is called, and what it says of a run after reading k + 1.
-function runsTable(columns) {
+// Runs at a reading, a row each, with these figures.
+function runsTable(names) {
   const body = h("tbody");
-  const table = h("table", { class: "values" }, heads(["run", ...columns.map(([title]) => title)]), body);
+  const table = h("table", { class: "values" }, heads(["run", ...names.map((name) => data.figures[name].heading)]), body);
   const row = (run, k) => h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label),
-    columns.map(([, cell]) => h("td", {}, cell(run, k))));
+    names.map((name) => h("td", {}, figureCell(run, name, k))));
   return { table, show: (runs, reading) => body.replaceChildren(...runs.map((run) => row(run, reading - 1))) };
 }
 
@@ -85,8 +80,8 @@ function paperSection(task) {
     const run = task.runs[one.run], k = one.readings - 1, last = task.readings - 1;
     return h("tr", {}, h("th", { scope: "row" }, swatch(run.method), run.label), h("td", {}, one.bins ?? MISSING),
       h("td", {}, `${fixed(one.share, 2)} from ${one.readings} readings`),
-      h("td", {}, within(run.accuracy[k], run.accuracyLow[k], run.accuracyHigh[k], 3)),
-      h("td", {}, one.error ?? MISSING), h("td", {}, within(run.error[last], run.errorLow[last], run.errorHigh[last], 2)));
+      h("td", {}, figureCell(run, "accuracy", k)),
+      h("td", {}, one.error ?? MISSING), h("td", {}, figureCell(run, "error_mm", last)));
   });
   return section("Beside what the paper prints", scrolling("The paper's figures and those found here",
     h("table", { class: "values" }, heads(titles), h("tbody", {}, rows))),
@@ -99,20 +94,12 @@ function certaintySection(task) {
   const right = plot(`${task.plots}-stated`, "Share right against the probability stated");
   const marked = "all readings of all trials; the larger a mark, the more estimates it stands for.";
   const title = "Uncertainty and its calibration";
-  const sure = task.runs.some((run) => run.coverage90.some((value) => value !== null));
+  const sure = task.runs.some((run) => run.figures.coverage_90[0].some((value) => value !== null));
   if (!sure) return section(title, h("div", { class: "two" }, right), h("p", { class: "hint" }, `Dashed: as it should be. Marks: ${marked}`));
 
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("How sure at reading", last, Math.min(10, last), update);
-  const values = runsTable([
-    ["90 % regions that hold the truth", (run, k) => fixed(run.coverage90[k], 3)],
-    ["of the worst quarter", (run, k) => fixed(run.coverage90Worst[k], 3)],
-    ["50 % regions", (run, k) => fixed(run.coverage50[k], 3)],
-    ["p of even ranks", (run, k) => fixed(run.rankP[k], 3)],
-    ["squared error over covariance", (run, k) => fixed(run.nees[k], 2)],
-    ["90 % within, mm", (run, k) => fixed(run.sharpness[k], 2)],
-    ["error, mm", (run, k) => fixed(run.error[k], 2)],
-  ]);
+  const values = runsTable([...figuresOf("certainty"), "error_mm"]);
   function update(reading) {
     values.show(task.runs, reading);
   }

@@ -48,34 +48,27 @@ const swatch = (method) => {
   return svg;
 };
 
-// A figure, and small its interval, with as many decimals, `digits` at least, as tell the interval's ends apart.
-function within(value, low, high, digits) {
-  while (low < high && digits < 6 && fixed(low, digits) === fixed(high, digits)) digits++;
-  return [fixed(value, digits), typeof low === "number" && h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`)];
+// A figure, and small its interval, with as many decimals, `digits` at least, as tell the interval's ends apart; with
+// three digits in all if `digits` is null.
+function within([value, low, high], digits) {
+  if (digits === null) return [plain(value)];
+  const known = typeof low === "number" && typeof high === "number";
+  while (known && low < high && digits && digits < 6 && fixed(low, digits) === fixed(high, digits)) digits++;
+  return [fixed(value, digits), known && (digits || low < high) && h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`)];
 }
+
+// A figure of a run after reading k + 1, or of the whole run, with its interval where that is known.
+const figureOf = (run, name, k) => (Array.isArray(run.figures[name]) ? run.figures[name].map((part) => part.at(k)) : [run.figures[name]]);
+const figureCell = (run, name, k) => within(figureOf(run, name, k), data.figures[name].digits);
+// The names of the figures that a section shows.
+const figuresOf = (section) => Object.keys(data.figures).filter((name) => data.figures[name].section === section);
 
 // The headline table of the runs of a task. A click on a heading sorts by it.
 function headlineTable(task) {
-  const last = task.readings;
-  const share = (k) => ({
-    heading: `right after ${k}`,
-    value: (run) => run.accuracy[k - 1],
-    cell: (run) => within(run.accuracy[k - 1], run.accuracyLow[k - 1], run.accuracyHigh[k - 1], 3),
-  });
   const columns = [
     { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label] },
     { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letter${run.letters.length > 1 ? "s" : ""}${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
-    ...[1, 2, 3, 5, 10].filter((k) => k < last).map(share),
-    share(last),
-    { heading: "all right from", value: (run) => run.allRightFrom, cell: (run) => run.allRightFrom ?? MISSING },
-    { heading: "95 % settled by", value: (run) => run.settled95, cell: (run) => run.settled95 ?? MISSING },
-    {
-      heading: `error after ${last}, mm`,
-      value: (run) => run.error[last - 1],
-      cell: (run) => within(run.error[last - 1], run.errorLow[last - 1], run.errorHigh[last - 1], 2),
-    },
-    { heading: "ms a reading", value: (run) => run.msPerReading, cell: (run) => plain(run.msPerReading) },
-    { heading: "likelihood evaluations a reading", value: (run) => run.evaluations, cell: (run) => run.evaluations === null ? MISSING : plain(run.evaluations) },
+    ...task.headlines.map(({ heading, digits }, i) => ({ heading, value: (run) => run.headlines[i][0], cell: (run) => within(run.headlines[i], digits) })),
   ];
   const rows = task.runs.map((run) =>
     h("tr", {}, columns.map((column, i) =>
@@ -90,22 +83,17 @@ function headlineTable(task) {
   ];
 }
 
-const MEASURES = {
-  settled95: ["95 % settled by, readings", (run) => run.settled95, (v) => v ?? MISSING, 1],
-  allRightFrom: ["all right from, readings", (run) => run.allRightFrom, (v) => v ?? MISSING, 1],
-  error: ["placement error at the end, mm", (run) => run.error.at(-1), (v) => fixed(v, 2), 1],
-  accuracy: ["share right at the end", (run) => run.accuracy.at(-1), (v) => fixed(v, 3), -1],
-};
+const MEASURES = ["settled_95", "all_right_from", "error_mm", "accuracy"];
 
 // One row a task, one column a run: how each holds up when the data get worse.
 function conditionsTable(protocol) {
   const labels = [...new Set(protocol.tasks.flatMap((task) => task.runs.map((run) => run.label)))];
   const holder = h("div");
   function fill(name) {
-    const [, value, text, sign] = MEASURES[name];
+    const { digits, better } = data.figures[name];
     const cells = protocol.tasks.map((task) => labels.map((label) => {
       const run = task.runs.find((one) => one.label === label);
-      return run ? value(run) : undefined;
+      return run ? figureOf(run, name, -1)[0] : undefined;
     }));
     const known = cells.flat().filter((v) => typeof v === "number");
     const [low, high] = [Math.min(...known), Math.max(...known)];
@@ -113,16 +101,16 @@ function conditionsTable(protocol) {
       if (v === undefined) return "";
       if (v === null) return "shade4";
       const t = high > low ? (v - low) / (high - low) : 0;
-      return `shade${Math.round(4 * (sign > 0 ? t : 1 - t))}`;
+      return `shade${Math.round(4 * (better < 0 ? t : 1 - t))}`;
     };
     const head = h("tr", {}, h("th", { scope: "col" }, "condition"), labels.map((label) => h("th", { scope: "col" }, label)));
     const rows = protocol.tasks.map((task, i) =>
-      h("tr", {}, h("th", { scope: "row" }, task.name), cells[i].map((v) => h("td", { class: shade(v) }, v === undefined ? "" : String(text(v))))),
+      h("tr", {}, h("th", { scope: "row" }, task.name), cells[i].map((v) => h("td", { class: shade(v) }, v === undefined ? "" : fixed(v, digits)))),
     );
     holder.replaceChildren(scrolling("Every condition against every run", h("table", { class: "wide" }, h("thead", {}, head), h("tbody", {}, rows))));
   }
-  const pick = choice("Show", Object.entries(MEASURES).map(([key, [name]]) => [key, name]), fill);
-  fill("settled95");
+  const pick = choice("Show", MEASURES.map((name) => [name, data.figures[name].heading + (data.figures[name].section ? ", at the end" : "")]), fill);
+  fill(MEASURES[0]);
   return [h("div", { class: "controls" }, pick.field), holder];
 }
 

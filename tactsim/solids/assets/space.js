@@ -146,7 +146,8 @@ function turnableScene(canvas, reach, draw) {
 const section = (title, ...content) => h("section", { class: "block", "aria-label": title }, h("h2", {}, title), content);
 
 function curvesSection() {
-  const last = Math.max(...data.runs.map((run) => run.accuracy.length));
+  const last = Math.max(...data.runs.map((run) => run.figures.accuracy[0].length));
+  const names = [...figuresOf("curves"), "coverage_90", "settled_95"];
   const plots = [
     ["Share of trials right", "accuracy"],
     ["Mean surface distance where the object is right, mm", "error_mm"],
@@ -157,30 +158,30 @@ function curvesSection() {
     const k = touch - 1;
     values.replaceChildren(...data.runs.map((run, i) =>
       h("tr", {}, h("th", { scope: "row" }, lineSwatch(i), run.label),
-        h("td", {}, fixed(run.accuracy[k], 3)), h("td", {}, fixed(run.error[k], 2)), h("td", {}, fixed(run.errorMedian[k], 2)),
-        h("td", {}, fixed(run.angle[k], 1)), h("td", {}, fixed(run.angleMedian[k], 1)), h("td", {}, fixed(run.coverage[k], 2)),
-        h("td", {}, String(run.settled ?? MISSING)), h("td", {}, fixed(run.seconds, 2)))));
+        names.map((name) => h("td", {}, figureCell(run, name, k))), h("td", {}, fixed(run.seconds, 2)))));
   });
   control.set(last);
   return section("Accuracy and error against touches",
     h("div", { class: "three" }, plots),
-    h("p", { class: "hint" }, "Bands: 95 % intervals. Surface distance and angle are the least over the object's symmetry. Dotted: 1 mm and 5 degrees."),
+    h("p", { class: "hint" }, "Bands: 95 % intervals. The error is the mean distance of the surfaces where the object is right; error and angle are the least over the object's symmetry. Dotted: 1 mm and 5 degrees."),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen touch", h("table", { class: "values" },
-      heads(["run", "right", "surface, mm", "median", "angle, deg", "median", "held by 90 %", "95 % settled by", "s a recognition"]), values)));
+      heads(["run", ...names.map((name) => data.figures[name].heading), "s a recognition"]), values)));
 }
+
+const OF_OBJECTS = ["accuracy", "error_mm", "angle_deg"];
 
 function objectsSection() {
   const rows = data.objects.map((label) =>
     h("tr", {}, h("th", { scope: "row" }, label), data.runs.flatMap((run) => {
       const one = run.objects[label];
       return one
-        ? [h("td", {}, fixed(one.accuracy, 2)), h("td", {}, fixed(one.error_mm, 2)), h("td", {}, fixed(one.angle_deg, 1)), h("td", {}, one.taken || "")]
+        ? [...OF_OBJECTS.map((name) => h("td", {}, fixed(one[name], data.figures[name].digits))), h("td", {}, one.taken || "")]
         : Array.from({ length: 4 }, () => h("td", {}, MISSING));
     })));
   const names = data.runs.flatMap((run, i) => {
     const of = data.runs.length > 1 ? ` (${i + 1})` : "";
-    return [`right${of}`, `surface, mm${of}`, `angle, deg${of}`, `taken for${of}`];
+    return [...OF_OBJECTS.map((name) => data.figures[name].heading), "taken for"].map((heading) => heading + of);
   });
   return section("Object by object, after the last touch",
     scrolling("Every object after the last touch", h("table", { class: "values" }, heads(["object", ...names]), h("tbody", {}, rows))));
