@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -14,12 +14,10 @@ import numpy as np
 from tactsim.bench import kinds
 from tactsim.bench.kinds import PLANE, Config, Gathered
 from tactsim.bench.machine import machine, peak_memory_mb, versions
-from tactsim.bench.placement import Placement
 from tactsim.bench.results import Run
 from tactsim.bench.trials import (
     OneTrial,
     Progress,
-    TrialPlan,
     Trials,
     fit,
     received_trials,
@@ -64,8 +62,8 @@ def perform(
     about = about_estimator(fitted)  # before it is fitted, as a run of a sweep says it
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     kind.check_gathered(config, gathered)
-    plan = plan_of(config, gathered.scan, estimator, gathered.objects)
-    tasks = trials or tasks_of(config, gathered)
+    plan = kind.plan(config, gathered.scan, estimator, gathered.objects)
+    tasks = trials or kind.tasks(config, gathered)
 
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
@@ -129,25 +127,18 @@ def _with_estimator(config: Config, estimator: Estimator) -> Config:
 
 
 def gather(
-    config: Config, *, scan: Scan | None = None, jobs: int, cache: bool, progress: Progress
+    config: Config,
+    *,
+    scan: Scan | None = None,
+    jobs: int = 1,
+    cache: bool = True,
+    progress: Progress = silent,
 ) -> Gathered:
     """Get the readings of a run: those given as `scan`, from the press or from files.
 
     Raises InputError if a named object is not among the readings, or files do not fit together.
     """
     return kinds.load(config.kind).gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
-
-
-def tasks_of(config: Config, gathered: Gathered) -> list[OneTrial]:
-    """List the trials of a run, letter after letter."""
-    return kinds.load(config.kind).tasks(config, gathered)
-
-
-def plan_of(
-    config: Config, scan: Scan, given: Estimator | None = None, objects: Mapping[str, Placement] | None = None
-) -> TrialPlan:
-    """Put together what a worker needs to do this run's trials on these readings. objects: of `Gathered`."""
-    return kinds.load(config.kind).plan(config, scan, given, objects)
 
 
 def finished_run(

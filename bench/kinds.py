@@ -192,7 +192,7 @@ class Kind:
     def plan(
         self, config: Any, scan: Scan, given: Estimator | None, objects: Mapping[str, Any] | None
     ) -> TrialPlan:
-        """Put together what a worker needs to do the trials; see `experiment.plan_of`."""
+        """Put together what a worker needs to do the trials on these readings. objects: of `Gathered`."""
         raise NotImplementedError
 
     def hide(self, scan: Scan, rng: np.random.Generator) -> FloatArray:

@@ -22,15 +22,7 @@ import numpy as np
 
 from tactsim.bench import kinds, results
 from tactsim.bench.config import any_config
-from tactsim.bench.experiment import (
-    Config,
-    Gathered,
-    estimator_of,
-    finished_run,
-    gather,
-    plan_of,
-    tasks_of,
-)
+from tactsim.bench.experiment import Config, Gathered, estimator_of, finished_run, gather
 from tactsim.bench.kinds import OF_THE_METHOD
 from tactsim.bench.results import Run, sweep_order
 from tactsim.bench.tasks import task
@@ -87,13 +79,8 @@ def _suite(name: str) -> dict[str, Any]:
 
 def suites() -> tuple[str, ...]:
     """List the named suites that come with the project."""
-    return tuple(
-        sorted(
-            entry.name.removesuffix(".toml")
-            for entry in (files("tactsim.bench") / "suites").iterdir()
-            if entry.name.endswith(".toml")
-        )
-    )
+    names = (entry.name for entry in (files("tactsim.bench") / "suites").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
 
 def expand(table: Mapping[str, Any], what: str, also: Sequence[str] = ()) -> list[Config]:
@@ -207,11 +194,11 @@ def perform(
         if todo:
             _check_sources(folder, whole)
         gathered = _gather_all(todo, jobs=jobs, cache=cache, progress=progress)
-        plans = {
-            name: plan_of(config, gathered[name].scan, objects=gathered[name].objects)
-            for name, config in todo.items()
-        }
-        tasks = {name: tasks_of(config, gathered[name]) for name, config in todo.items()}
+        plans, tasks = dict[str, TrialPlan](), dict[str, Sequence[OneTrial]]()
+        for name, config in todo.items():
+            kind, of = kinds.load(config.kind), gathered[name]
+            plans[name] = kind.plan(config, of.scan, None, of.objects)
+            tasks[name] = kind.tasks(config, of)
         kept = sum(len(run.trials.truth) for run in whole.values())
         total = kept + sum(map(len, tasks.values()))
         done = _trials_of_runs(
@@ -343,18 +330,11 @@ def _names(configs: Sequence[Config]) -> list[str]:
 
 def _claim(folder: Path, names: Sequence[str], configs: Sequence[Config]) -> None:
     """Write down which sweep the folder belongs to, or check that it is this one: one with the same runs."""
-    content = results.to_json(
-        {
-            "schema": _SCHEMA,
-            "runs": [
-                {"name": name, "config": config.model_dump(mode="json")}
-                for name, config in zip(names, configs, strict=True)
-            ],
-        }
-    )
     path = folder / "sweep.json"
     if not path.exists():
-        write_text(path, content)
+        asked = [(name, config.model_dump(mode="json")) for name, config in zip(names, configs, strict=True)]
+        runs = [{"name": name, "config": config} for name, config in asked]
+        write_text(path, results.to_json({"schema": _SCHEMA, "runs": runs}))
     # By their names, which end with a digest of what is asked: what else a configuration says changes no result.
     elif set(sweep_order(folder)) != set(names):
         raise InputError(

@@ -231,6 +231,11 @@ class Trials:
     propose_s: FloatArray
 
     @property
+    def ids(self) -> list[tuple[str, int]]:
+        """Name each trial: its letter, and its number within the letter."""
+        return list(zip(self.truth.tolist(), self.trial.tolist(), strict=True))
+
+    @property
     def taken(self) -> NDArray[np.bool_]:
         """Tell for (n, r) whether that touch was taken: means of costs count no other."""
         return self.reading != NOT_TAKEN
@@ -275,12 +280,7 @@ class Trials:
         """Put trials of one kind together in the order given."""
         parts = list(parts)
         kind = type(parts[0])
-        return kind(
-            **{
-                field.name: np.concatenate([getattr(part, field.name) for part in parts])
-                for field in fields(kind)
-            }
-        )
+        return kind(*(np.concatenate([getattr(part, of.name) for part in parts]) for of in fields(kind)))
 
 
 def draw_true_pose(
@@ -407,9 +407,8 @@ class _UnderWay:
         numbers["p_label"][k] = estimate.probabilities[estimate.label]
         self._pose[k] = estimate.robot_in_object
         sure = certainty(estimate, self._true_pose[k], self._of)
-        numbers["credibility"][k], numbers["radius_90"][k], numbers["nees"][k] = (
-            sure.credibility, sure.radius, sure.nees
-        )  # fmt: skip
+        numbers["credibility"][k], numbers["radius_90"][k] = sure.credibility, sure.radius
+        numbers["nees"][k] = sure.nees
         numbers["update_s"][k], numbers["estimate_s"][k] = update_s, estimate_s
         self._evaluations[k] = evaluations
 

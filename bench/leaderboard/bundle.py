@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import lzma
 import re
 import tarfile
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable
+from dataclasses import fields, replace
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,9 +46,6 @@ _BITS = {"p_truth": 7, "p_label": 7, "radius_90": 4, "nees": 4, "evaluations": 3
 _SECONDS_BITS, _BOUND_BITS = 5, 7
 
 
-# ---- what a file may say
-
-
 def _printable(value: str) -> str:
     """Let a text pass that can be shown in one line. Raises ValueError for another."""
     if not value.isprintable():
@@ -72,10 +68,18 @@ class Machine(BaseModel):
     system: Name
 
 
-class _Head(BaseModel):
-    """What bundle.json says of the method and of what it was done with."""
+class Bundle(BaseModel):
+    """What a method did on a task; all but the runs stand in bundle.json.
 
-    model_config = ConfigDict(strict=True, extra="forbid")
+    task, task_data: the task's name, and the hash of the readings that it stands for. method: how tables call it.
+    estimator, options: its registered name, and the options that were given. reproducible: whether the same seed
+    gives the same bits, as its author says. status: DONE, or why there is no score. versions: of Python and the
+    libraries. source_hash: of the code that the trials depend on. machine: where it ran. commit: of the harness, if it
+    is known. made: when, ISO 8601. package: name and version of the distribution that the estimator came in; None if
+    it is built in. runs: one a seed, as `kept` gives them; none without a score.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
     task: Name
     task_data: Hash
@@ -90,79 +94,26 @@ class _Head(BaseModel):
     commit: Name | None
     made: Name
     package: Name | None
-
-
-# ---- a bundle, its rows, and its file
-
-
-@dataclass(frozen=True, eq=False)
-class Bundle:
-    """What a method did on a task.
-
-    task, task_data: the task's name, and the hash of the readings that it stands for. method: how tables call it.
-    estimator, options: its registered name, and the options that were given. reproducible: whether the same seed
-    gives the same bits, as its author says. status: DONE, or why there is no score. versions: of Python and the
-    libraries. source_hash: of the code that the trials depend on. machine: where it ran. commit: of the harness, if it
-    is known. made: when, ISO 8601. package: name and version of the distribution that the estimator came in; None if
-    it is built in. runs: one a seed, as `kept` gives them; none without a score.
-    """
-
-    task: str
-    task_data: str
-    method: str
-    estimator: str
-    options: Mapping[str, Any]
-    reproducible: bool
-    status: str
-    versions: Mapping[str, str]
-    source_hash: str
-    machine: Mapping[str, Any]
-    commit: str | None
-    made: str
-    package: str | None = None
-    runs: tuple[Run, ...] = ()
-
-    @cached_property
-    def trials(self) -> Trials:
-        """Give the trials of all runs, one run after the other. Raises InputError if there are none."""
-        return Trials.joined(run.trials for run in self._scored)
-
-    @cached_property
-    def ids(self) -> list[tuple[int, str, int]]:
-        """Name each of `trials`: seed, letter, number within the letter; two bundles of a task are paired by them."""
-        return [
-            (run.seed, letter, number)
-            for run in self._scored
-            for letter, number in zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
-        ]
+    runs: tuple[Any, ...] = Field((), exclude=True)  # of `Run`, which is checked by itself
 
     @cached_property
     def pooled(self) -> Pooled:
         """Pool the runs, for figures with intervals over scans and trials. Raises InputError if there are none."""
-        pools = pool(self._scored)
+        if not self.runs:
+            raise InputError(f"{self.method} has no score on {self.task}: {self.status}")
+        pools = pool(self.runs)
         if len(pools) != 1:
             raise InputError(f"the runs of {self.method} differ in more than the seed")
         return pools[0]
 
-    @property
-    def _scored(self) -> tuple[Run, ...]:
-        if not self.runs:
-            raise InputError(f"{self.method} has no score on {self.task}: {self.status}")
-        return self.runs
-
 
 def kept(runs: Iterable[Run]) -> tuple[Run, ...]:
     """Give what a bundle keeps of runs: their rows rounded, and neither maps nor plans."""
-    return tuple(
-        replace(
-            run,
-            trials=rounded(run.trials),
-            bounds=None if run.bounds is None else _mantissa(run.bounds, _BOUND_BITS),
-            plan=None,
-            maps={},
-        )
-        for run in runs
-    )
+    found = []
+    for run in runs:
+        bounds = None if run.bounds is None else _mantissa(run.bounds, _BOUND_BITS)
+        found.append(replace(run, trials=rounded(run.trials), bounds=bounds, plan=None, maps={}))
+    return tuple(found)
 
 
 def rounded(trials: Trials) -> Trials:
@@ -174,19 +125,17 @@ def rounded(trials: Trials) -> Trials:
     says so, or the method. The time of a reading is kept as a whole, as `update_s`.
     """
     true_pose = _steps(trials.true_pose)
-    evaluations = _mantissa(trials.evaluations.astype(float), _BITS["evaluations"]).astype(np.int64)
+    few: dict[str, Any] = {
+        name: _mantissa(getattr(trials, name).astype(float), bits) for name, bits in _BITS.items()
+    }
     percent = np.floor(trials.credibility * 100 + 1e-9)
     return replace(
         trials,
+        **few | {"evaluations": few["evaluations"].astype(np.int64)},
         pose=_steps(
             true_pose + _steps(trials.pose - trials.true_pose)
-        ),  # so the error is rounded once, not twice
+        ),  # the error is rounded once, not twice
         true_pose=true_pose,
-        p_truth=_mantissa(trials.p_truth, _BITS["p_truth"]),
-        p_label=_mantissa(trials.p_label, _BITS["p_label"]),
-        radius_90=_mantissa(trials.radius_90, _BITS["radius_90"]),
-        nees=_mantissa(trials.nees, _BITS["nees"]),
-        evaluations=evaluations,
         credibility=np.minimum((percent + 0.5) / 100, 1).astype("<f4").astype(float),
         reading=np.full(trials.reading.shape, -1),
         update_s=_mantissa(trials.seconds, _SECONDS_BITS),
@@ -216,10 +165,8 @@ def write_bundle(bundle: Bundle, path: str | Path) -> None:
 
     Raises InputError if it says what `read_bundle` would refuse, or cannot be written.
     """
-    said = results.to_json({name: getattr(bundle, name) for name in _Head.model_fields})
-    checked(_Head, json.loads(said), "bundle")
     _check(bundle)
-    members = {"bundle.json": said.encode()}
+    members = {"bundle.json": results.to_json(bundle.model_dump()).encode()}
     for run in bundle.runs:
         about, times = results.documents(run)
         table = run.columns() | ({} if run.bounds is None else {"bound_mm": run.bounds.ravel()})
@@ -246,7 +193,7 @@ def read_bundle(path: str | Path) -> Bundle:
     try:
         members = _members(read_bytes(path, LARGEST))
         said = parse_json(members.pop("bundle.json", b"{}"), "bundle.json")
-        checked(_Head, said, "bundle.json")
+        bundle = checked(Bundle, {**said, "runs": ()}, "bundle.json")
         runs = []
         with TemporaryDirectory(prefix="tactsim-") as folder:
             for name, member in members.items():
@@ -258,7 +205,7 @@ def read_bundle(path: str | Path) -> Bundle:
                     runs.append(results.load(place))
                 except InputError as error:
                     raise InputError(str(error).replace(str(place), place.name)) from error
-        bundle = Bundle(**said, runs=tuple(runs))
+        bundle = bundle.model_copy(update={"runs": tuple(runs)})
         _check(bundle)
     except InputError as error:
         raise InputError(f"bundle {path}: {error}") from error
@@ -282,12 +229,8 @@ def _members(content: bytes) -> dict[str, bytes]:
         with tarfile.open(fileobj=io.BytesIO(unpacked), mode="r:") as archive:
             for info in archive:
                 name = info.name
-                if (
-                    info.type != tarfile.REGTYPE
-                    or info.issparse()
-                    or not _MEMBER.fullmatch(name)
-                    or name in members
-                ):
+                plain = info.type == tarfile.REGTYPE and not info.issparse()
+                if not plain or not _MEMBER.fullmatch(name) or name in members:
                     raise InputError(f"{short(name)} is no file of a bundle, or is there twice")
                 stream = archive.extractfile(info)
                 assert stream is not None

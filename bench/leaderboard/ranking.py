@@ -154,7 +154,7 @@ def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Rankin
     other = other or (f"accuracy@{min(5, last)}" if of_error else f"error_all_mm@{last}")
     accuracy_by, error_by = (other, by) if of_error else (by, other)
     pools = sorted(pools, key=lambda one: (*(_loss(one, figure) for figure in (by, other)), one.label))
-    ids = [_ids(one) for one in pools]
+    ids = [one.ids for one in pools]
     if any(sorted(one) != sorted(ids[0]) for one in ids):
         raise InputError("only methods that had the same trials are ranked")
     orders = [np.array(sorted(range(len(one)), key=one.__getitem__)) for one in ids]
@@ -188,15 +188,6 @@ def rank_words(places: tuple[int, int] | None) -> str:
         return "–"
     best, worst = places
     return f"{best}" if best == worst else f"{best}–{worst}"
-
-
-def _ids(one: Pooled) -> list[tuple[int, str, int]]:
-    """Name each trial of a pool: seed, letter, number within the letter."""
-    return [
-        (run.seed, letter, number)
-        for run in one.runs
-        for letter, number in zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
-    ]
 
 
 def _loss(one: Pooled, figure: str) -> float:

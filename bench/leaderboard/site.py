@@ -159,7 +159,7 @@ def _facts(one: Entrant) -> dict[str, str | None]:
 
 def _machine(one: Entrant) -> str:
     machine = one.bundle.machine
-    return f"{machine['processor']}, {machine['cores']} cores, {machine['system']}"
+    return f"{machine.processor}, {machine.cores} cores, {machine.system}"
 
 
 def _figures(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
@@ -170,7 +170,7 @@ def _figures(standings: Iterable[Standings]) -> Iterator[Sequence[Any]]:
             if one.status != DONE:
                 yield *who, *[""] * (len(FIGURES) - len(who))
                 continue
-            counts = len(one.bundle.ids), len(one.bundle.runs)
+            counts = len(one.pooled.ids), len(one.bundle.runs)
             for figure in of.columns:
                 found = one.figure(figure)
                 yield *who, *(one.rank or ("", "")), figure, found.value, found.low, found.high, *counts

@@ -11,15 +11,8 @@ import numpy as np
 
 from tactsim.bench.experiment import silent
 from tactsim.bench.intervals import Figure
-from tactsim.bench.leaderboard.bundle import (
-    DONE,
-    SUFFIX,
-    Bundle,
-    Record,
-    read_bundle,
-    read_record,
-    record_path,
-)
+from tactsim.bench.leaderboard import bundle as bundles
+from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, Bundle, Record, record_path
 from tactsim.bench.leaderboard.ranking import Ranking, ranked
 from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
@@ -109,7 +102,7 @@ class Standings:
     @property
     def trials(self) -> int:
         """Count the trials of a method."""
-        return len(self.ranked[0].bundle.ids) if self.ranked else 0
+        return len(self.ranked[0].pooled.ids) if self.ranked else 0
 
     @property
     def columns(self) -> list[str]:
@@ -160,16 +153,13 @@ def read_folder(folder: Path, *, progress: Progress = silent) -> Folder:
 
     progress(stage, done, total) is called for the stage "bundles". Raises InputError if the folder holds no bundle.
     """
-    paths = (
-        sorted(path for path in folder.iterdir() if path.name.endswith((SUFFIX, ".zip")))
-        if folder.is_dir()
-        else []
-    )
+    there = sorted(folder.iterdir()) if folder.is_dir() else []
+    paths = [path for path in there if path.name.endswith((SUFFIX, ".zip"))]
     if not paths:
         raise InputError(
             f"{folder} holds no bundle (*{SUFFIX}); `bench submit TASK --estimator NAME --out BUNDLE` makes one"
         )
-    bundles: dict[tuple[str, str], list[tuple[Path, Bundle]]] = {}
+    found: dict[tuple[str, str], list[tuple[Path, Bundle]]] = {}
     checks: dict[Path, Record | None] = {}
     unreadable = []
     for number, path in enumerate(paths):
@@ -180,26 +170,24 @@ def read_folder(folder: Path, *, progress: Progress = silent) -> Folder:
             unreadable.append((path, str(error).removeprefix(f"bundle {path}: ")))
             continue
         try:
-            checks[path] = read_record(path)
+            checks[path] = bundles.read_record(path)
         except InputError as error:
             unreadable.append((record_path(path), str(error).removeprefix(f"record {record_path(path)}: ")))
-        bundles.setdefault((bundle.task, bundle.task_data), []).append((path, bundle))
+        found.setdefault((bundle.task, bundle.task_data), []).append((path, bundle))
     progress("bundles", len(paths), len(paths))
-    methods = sorted({bundle.method for alike in bundles.values() for _, bundle in alike})
+    methods = sorted({bundle.method for alike in found.values() for _, bundle in alike})
     numbers = {method: number for number, method in enumerate(methods)}
-    standings = [_standings(name, data, alike, numbers, checks) for (name, data), alike in bundles.items()]
+    standings = [_standings(name, data, alike, numbers, checks) for (name, data), alike in found.items()]
     standings.sort(key=lambda of: (of.known is None, of.task, of.data))
     return Folder(tuple(standings), tuple(unreadable))
 
 
 def _read(path: Path) -> Bundle:
-    bundle = read_bundle(path)
+    bundle = bundles.read_bundle(path)
     if bundle.runs:
-        if len(bundle.ids) > MOST_TRIALS:
-            raise InputError(
-                f"bundle {path}: {len(bundle.ids):,} trials; a leaderboard takes {MOST_TRIALS:,}"
-            )
-        _ = bundle.pooled  # raises if its runs are not of one kind
+        count = len(bundle.pooled.ids)  # raises if its runs are not of one kind
+        if count > MOST_TRIALS:
+            raise InputError(f"bundle {path}: {count:,} trials; a leaderboard takes {MOST_TRIALS:,}")
         for run in bundle.runs:
             _pad(run)  # raises if what it states is none
     return bundle
@@ -263,14 +251,11 @@ def _trials(bundle: Bundle) -> frozenset[TrialKey]:
     found = set()
     for run in bundle.runs:
         reach, unknown = offsets(_pad(run).taxel_xy), poses_unknown(run.about["scan"])
-        for letter, number, pose in zip(
-            run.trials.truth.tolist(), run.trials.trial.tolist(), run.trials.true_pose[:, 0], strict=True
-        ):
-            rng = generator(run.seed, OneTrial(letter, number), 0)
-            drawn = draw_true_pose(rng, reach, poses_unknown=unknown)
+        for of_trial, pose in zip(run.trials.ids, run.trials.true_pose[:, 0], strict=True):
+            drawn = draw_true_pose(generator(run.seed, OneTrial(*of_trial), 0), reach, poses_unknown=unknown)
             if np.allclose(drawn, pose, rtol=0, atol=0.005):  # a bundle keeps 1/512 mm
-                found.add((run.seed, letter, number, run.readings))
-    return frozenset(found) if len(found) == len(bundle.ids) else frozenset()
+                found.add((run.seed, *of_trial, run.readings))
+    return frozenset(found) if len(found) == len(bundle.pooled.ids) else frozenset()
 
 
 def _trials_of_the_task(known: Task | None, bundles: Sequence[Bundle]) -> frozenset[TrialKey]:

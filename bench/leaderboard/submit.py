@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,10 +15,12 @@ from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept
 from tactsim.bench.leaderboard.limited import Limits, NoScore, Wanted, limited_runs
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.results import Run
+from tactsim.bench.runs.pooled import pool
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.tasks.data import check_data
 from tactsim.bench.trials import Progress, source_of_trials
 from tactsim.core import InputError
+from tactsim.core.checking import checked
 from tactsim.core.errors import short, unknown
 from tactsim.core.plug_ins import plug_ins
 from tactsim.core.source_digest import git_commit, source_digest
@@ -73,24 +75,25 @@ def submit(
         runs = limited_runs(wanted, jobs=jobs, cache=cache, limits=limits, progress=progress)
     except NoScore as error:
         status, output = error.status, error.output
-    bundle = Bundle(
-        task=Path(asked.name).name,
-        task_data=hashes,
-        method="",
-        estimator=method.estimator,
-        options=runs[0].about["settings"] if runs else method.options,
-        reproducible=reproducible,
-        status=status,
-        versions=versions(),
-        source_hash=source_of(method),
-        machine=machine(),
-        commit=git_commit(),
-        made=datetime.now(UTC).isoformat(timespec="seconds"),
-        package=package_of(method),
-        runs=kept(runs),
-    )
+    bundled = kept(runs)
     options = [method.estimator, *(f"{name} {value}" for name, value in method.options.items())]
-    return replace(bundle, method=title or (bundle.pooled.label if runs else ", ".join(options))), output
+    said = {
+        "task": Path(asked.name).name,
+        "task_data": hashes,
+        "method": title or (pool(bundled)[0].label if runs else ", ".join(options)),
+        "estimator": method.estimator,
+        "options": runs[0].about["settings"] if runs else dict(method.options),
+        "reproducible": reproducible,
+        "status": status,
+        "versions": versions(),
+        "source_hash": source_of(method),
+        "machine": machine(),
+        "commit": git_commit(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "package": package_of(method),
+        "runs": bundled,
+    }
+    return checked(Bundle, said, "bundle"), output
 
 
 def stated(task_name: str) -> tuple[Task, str]:

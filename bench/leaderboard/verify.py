@@ -20,7 +20,7 @@ from tactsim.bench import experiment
 from tactsim.bench.columns import LATER
 from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig, run_config
-from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept, select
+from tactsim.bench.leaderboard.bundle import DONE, Bundle, Machine, kept, select
 from tactsim.bench.leaderboard.limited import Limits, NoScore, Wanted, limited_runs
 from tactsim.bench.leaderboard.submit import Method, package_of, source_of, stated
 from tactsim.bench.machine import machine, versions
@@ -87,7 +87,7 @@ def verify(
         raise InputError(f"the estimator {short(method.estimator)} is not installed here{package}")
     other_code = bundle.source_hash != source_of(method)
     excuses = _excuses(bundle, method, other_code)
-    count = len(bundle.trials.truth) if bundle.runs else 0
+    count = sum(len(run.trials.truth) for run in bundle.runs)
 
     def judged(verified: bool, said: str, again: int = 0) -> Verdict:
         return Verdict(verified, said, again, count, other_code, tuple(excuses))
@@ -112,8 +112,7 @@ def verify(
         if mine.any():
             part = select(run.trials, mine)
             runs.append(replace(run, trials=part, bounds=None if run.bounds is None else run.bounds[mine]))
-            trials = list(zip(part.truth.tolist(), part.trial.tolist(), strict=True))
-            wanted.append(Wanted({**of_run, "bound": run.bounds is not None}, trials))
+            wanted.append(Wanted({**of_run, "bound": run.bounds is not None}, part.ids))
     if fresh:
         wanted.append(Wanted(_fresh_words(asked, bundle, rng)))
     again = sum(len(run.trials.truth) for run in runs)
@@ -139,15 +138,15 @@ def compared(runs: Sequence[Run], again: Sequence[Run], excuses: Sequence[str]) 
     for run, other in zip(runs, again, strict=True):
         if (fault := _set_up_otherwise(run, other)) is not None:
             return False, f"seed {run.seed}: {fault}"
-    same = np.concatenate([_alike(run.trials, other.trials) for run, other in zip(runs, again, strict=True)])
+    pairs = zip(runs, again, strict=True)
+    same = np.concatenate([np.all([*_alike(a.trials, b.trials).values()], axis=0) for a, b in pairs])
     if same.all():
         return True, f"all {len(same)} trials that were done again are the same in all that a bundle keeps"
     if not excuses:
         return False, _first_difference(runs, again)
     base, new = (replace(of[0], trials=Trials.joined(run.trials for run in of)) for of in (runs, again))
-    new = replace(
-        new, trials=replace(new.trials, true_pose=base.trials.true_pose)
-    )  # which was compared above
+    # Where objects lie was compared above.
+    new = replace(new, trials=replace(new.trials, true_pose=base.trials.true_pose))
     worse = [row for row in compare(base, new, level=1 - CHANCE) if row.verdict == "worse"]
     found = f"{same.sum()} of {len(same)} trials that were done again are the same in all that a bundle keeps"
     if worse:
@@ -156,34 +155,24 @@ def compared(runs: Sequence[Run], again: Sequence[Run], excuses: Sequence[str]) 
     return True, f"{found}, and all together are within what chance allows, because {' and '.join(excuses)}"
 
 
-def _alike(one: Trials, other: Trials) -> NDArray[np.bool_]:
-    """Tell which of n trials are the same (n,), times left out."""
-    same = np.ones(len(one.truth), dtype=bool)
-    for name in _columns(one):
-        values = [getattr(of, name).reshape(len(same), -1) for of in (one, other)]
-        same &= np.array(
-            [np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(*values, strict=True)]
-        )
-    return same
-
-
-def _columns(trials: Trials) -> list[str]:
-    """Name what is compared: neither times nor what a bundle of an earlier version does not know."""
-    names = [one.name for one in fields(trials) if not one.name.endswith("_s")]
-    return [name for name in names if name not in LATER or not np.isnan(getattr(trials, name)).all()]
+def _alike(one: Trials, other: Trials) -> dict[str, NDArray[np.bool_]]:
+    """Tell by column which of n trials are the same (n,): neither times nor what an earlier version did not note."""
+    found = {}
+    for name in (of.name for of in fields(one) if not of.name.endswith("_s")):
+        a, b = (getattr(of, name).reshape(len(one.truth), -1) for of in (one, other))
+        if name not in LATER or not np.isnan(a).all():
+            found[name] = ((a == b) | ((a != a) & (b != b))).all(axis=1)  # NaN is as NaN
+    return found
 
 
 def _first_difference(runs: Sequence[Run], again: Sequence[Run]) -> str:
     """Name the first trial, and its first column, that differ."""
     for run, other in zip(runs, again, strict=True):
-        for n in np.flatnonzero(~_alike(run.trials, other.trials))[:1]:
-            one, two = (select(of.trials, np.array([n])) for of in (run, other))
-            name = next(
-                name for name in _columns(one)
-                if not np.array_equal(getattr(one, name), getattr(two, name), equal_nan=name not in ("truth", "label"))
-            )  # fmt: skip
-            of_trial = f"seed {run.seed}, letter {one.truth[0]}, trial {one.trial[0]}"
-            return f"{of_trial}: {name} is not what it is in the bundle when it is done again"
+        alike = _alike(run.trials, other.trials)
+        for n, (letter, number) in enumerate(run.trials.ids):
+            for name in (name for name, same in alike.items() if not same[n]):
+                of_trial = f"seed {run.seed}, letter {letter}, trial {number}"
+                return f"{of_trial}: {name} is not what it is in the bundle when it is done again"
     raise AssertionError("nothing differs")
 
 
@@ -192,9 +181,8 @@ def _set_up_otherwise(run: Run, again: Run) -> str | None:
     for name in ("options", "budget"):
         if run.about[name] != again.about[name]:
             return f"the {name} are said to be {short(run.about[name])}, and are {short(again.about[name])}"
-    if not np.allclose(
-        run.trials.true_pose, again.trials.true_pose, rtol=0, atol=0.005
-    ):  # a step more or less
+    steps = np.abs(run.trials.true_pose - again.trials.true_pose)
+    if not (steps <= 0.005).all():  # a step more or less
         return "an object lies elsewhere than the task puts it (true_x, true_y, true_theta)"
     if not _alike_objects(run.objects, again.objects):
         return "what it says of the objects (symmetry, centre, inertia) is not what the task says"
@@ -230,9 +218,8 @@ def _asked_otherwise(run: Run, config: RunConfig, jobs: int, cache: bool) -> str
             return f"the task says {name} {short(value)}, and the run {short(run.config[name])}"
     if run.config.get("explore") != config.explore:
         return f"the task says explore {config.explore}, and the run {short(run.config.get('explore'))}"
-    gathered = experiment.gather(config, jobs=jobs, cache=cache, progress=experiment.silent)
-    done = list(zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True))
-    if done != [(task.truth, task.trial) for task in experiment.tasks_of(config, gathered)]:
+    gathered = experiment.gather(config, jobs=jobs, cache=cache)
+    if run.trials.ids != [(task.truth, task.trial) for task in run.kind.tasks(config, gathered)]:
         return "its trials are not those of the task: some are missing, or there are more"
     return None if run.readings == config.readings else f"its trials are not of {config.readings} readings"
 
@@ -244,11 +231,7 @@ def _fresh_words(asked: Task, bundle: Bundle, rng: np.random.Generator) -> dict[
     verified to the last bit. On a fresh seed it knows no more than others. Raises InputError if readings are recorded.
     """
     words = {**asked.words, "trials": asked.trials, "readings": asked.readings}
-    words |= {
-        "seed": int(rng.integers(_FRESH_SEEDS)),
-        "estimator": bundle.estimator,
-        "set": dict(bundle.options),
-    }
+    words |= {"estimator": bundle.estimator, "set": bundle.options, "seed": int(rng.integers(_FRESH_SEEDS))}
     if asked.chosen:
         words["explore"] = bundle.runs[0].config["explore"]
     if not run_config(**words).pressed:
@@ -305,10 +288,9 @@ def _excuses(bundle: Bundle, method: Method, other_code: bool) -> list[str]:
     found = []
     if not bundle.reproducible:
         found.append("its author says that the method is not reproducible")
-    if _place(bundle.machine) != _place(machine()):
-        found.append(
-            f"it was made on another machine ({bundle.machine['processor']}, {bundle.machine['system']})"
-        )
+    there = bundle.machine
+    if _place(there) != _place(Machine.model_validate(machine())):
+        found.append(f"it was made on another machine ({there.processor}, {there.system})")
     here = versions()
     for name, version in bundle.versions.items():
         if here.get(name, version) != version:
@@ -323,7 +305,7 @@ def _excuses(bundle: Bundle, method: Method, other_code: bool) -> list[str]:
     return found
 
 
-def _place(of: Any) -> tuple[str, str, str]:
+def _place(of: Machine) -> tuple[str, str, str]:
     """Name what the last bits depend on: processor, operating system, architecture; not the system's release."""
-    system = str(of["system"]).split()
-    return str(of["processor"]), system[0], system[-1]
+    system = of.system.split()
+    return of.processor, system[0], system[-1]

@@ -13,7 +13,8 @@ import numpy as np
 
 from tactsim import models
 from tactsim.bench.config import OF_SOURCE, RunConfig
-from tactsim.bench.experiment import gather, plan_of, silent
+from tactsim.bench.experiment import gather, silent
+from tactsim.bench.kinds import load
 from tactsim.bench.placement import Properties, covariance
 from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Group, Pooled
@@ -93,16 +94,7 @@ def trials_to_show(runs: Sequence[Trials]) -> dict[str, OneTrial]:
     Trials are ordered by the reading from which they are and stay right, averaged over the runs. The typical
     trial is the median, the hardest is the last.
     """
-    settled = [
-        dict(
-            zip(
-                zip(trials.truth.tolist(), trials.trial.tolist(), strict=True),
-                settled_at(trials.right).tolist(),
-                strict=True,
-            )
-        )
-        for trials in runs
-    ]
+    settled = [dict(zip(one.ids, settled_at(one.right).tolist(), strict=True)) for one in runs]
     common = [key for key in settled[0] if all(key in of_run for of_run in settled)]
     common.sort(key=lambda key: sum(of_run[key] for of_run in settled))
     tasks = {"typical": OneTrial(*common[(len(common) - 1) // 2]), "hardest": OneTrial(*common[-1])}
@@ -144,7 +136,7 @@ def _plan_anew(entry: Pooled, tasks: Mapping[str, OneTrial], scans: dict[str, Sc
     scan = readings_of(entry.run, scans)
     config = _config(entry.run)
     check_readings(scan, sorted({task.truth for task in tasks.values()}), entry.readings, config.hold_out)
-    return plan_of(config, scan)
+    return load(config.kind).plan(config, scan, None, None)
 
 
 def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
@@ -164,7 +156,7 @@ def readings_of(run: Run, scans: dict[str, Scan]) -> Scan:
     key = json.dumps([options, which], sort_keys=True)
     if key not in scans:
         pressed = None if from_files else _pressed_again(options, config)
-        scans[key] = gather(config, scan=pressed, jobs=1, cache=True, progress=silent).scan
+        scans[key] = gather(config, scan=pressed).scan
     return scans[key]
 
 

@@ -101,6 +101,11 @@ class Pooled:
         return self.scored.trials
 
     @property
+    def ids(self) -> list[tuple[int, str, int]]:
+        """Name each of `trials`: seed, letter, number within the letter; pools of the same are compared by them."""
+        return [(run.seed, *of_trial) for run in self.runs for of_trial in run.trials.ids]
+
+    @property
     def bounds(self) -> FloatArray | None:
         """Give the Cramer-Rao bounds (n, r), mm, of all trials; None if one run has none."""
         return self.scored.bounds

@@ -12,8 +12,9 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tactsim.bench import kinds
 from tactsim.bench.config import run_config
-from tactsim.bench.experiment import gather, plan_of, silent, tasks_of
+from tactsim.bench.experiment import gather, silent
 from tactsim.bench.tasks import Task
 from tactsim.bench.trials import Progress, check_readings, run_trials
 from tactsim.core import InputError, Scan
@@ -72,15 +73,14 @@ def hash_data(
     gathered = gather(config, jobs=jobs, cache=cache, progress=progress)
     check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
     scan, witness = gathered.scan, Witness()
-    plan = plan_of(config, scan, witness, gathered.objects)
-    trials, _ = run_trials(plan, witness, tasks_of(config, gathered), progress=progress)
+    kind = kinds.load(config.kind)
+    plan = kind.plan(config, scan, witness, gathered.objects)
+    trials, _ = run_trials(plan, witness, kind.tasks(config, gathered), progress=progress)
 
     step = (config.scan_options.sensor.resolution if config.pressed else 0) or STEP
     names = [gathered.letters, scan.labels.tolist(), scan.split.tolist(), trials.truth.tolist()]
-    facts = [
-        [of.symmetry, *of.centre, of.inertia_over_mass]
-        for of in (gathered.objects[letter] for letter in gathered.letters)
-    ]
+    objects = [gathered.objects[letter] for letter in gathered.letters]
+    facts = [[of.symmetry, *of.centre, of.inertia_over_mass] for of in objects]
     content = hashlib.sha256(json.dumps([*names, trials.known.tolist(), witness.drawn]).encode())
     for values, unit in (
         (scan.taxel_xy, STEP),

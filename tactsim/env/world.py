@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import RunConfig, Slip, merged
-from tactsim.bench.experiment import gather, silent
+from tactsim.bench.experiment import gather
 from tactsim.bench.tasks import Task, task
 from tactsim.bench.trials import draw_true_pose, fit
 from tactsim.core import InputError, Scan, compose
@@ -84,7 +84,7 @@ class World:
     @cached_property
     def scan(self) -> Scan:
         """Press, or read from the cache, the training readings of the letters that are not held out."""
-        return gather(self._config, jobs=1, cache=True, progress=silent).scan.where("train")
+        return gather(self._config).scan.where("train")
 
     def answer(self, letter: int) -> str:
         """Name the right label of an object, by its index among the letters."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from tactsim.bench.experiment import gather, plan_of, silent
-from tactsim.bench.kinds import Pages
+from tactsim.bench.experiment import gather
+from tactsim.bench.kinds import Pages, load
 from tactsim.bench.pages import render
 from tactsim.bench.places import REPORT_TITLE, check_page
 from tactsim.bench.report.page import Arrays, shown_figures
@@ -284,5 +284,5 @@ def beliefs(of: Again) -> FloatArray | None:
 
 def _plan_anew(run: Run) -> TrialPlan:
     config = checked(SpaceConfig, run.config, "run")
-    gathered = gather(config, jobs=1, cache=True, progress=silent)
-    return plan_of(config, gathered.scan, objects=gathered.objects)
+    gathered = gather(config)
+    return load(config.kind).plan(config, gathered.scan, None, gathered.objects)

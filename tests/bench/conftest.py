@@ -62,7 +62,7 @@ def open_set_run(tmp_path_factory):
 def hostile_run(tmp_path_factory):
     """Give a run whose every name tries to become markup."""
     folder = tmp_path_factory.mktemp("hostile")
-    scan = experiment.gather(run_config(letters="AU"), jobs=1, cache=True, progress=experiment.silent).scan
+    scan = experiment.gather(run_config(letters="AU")).scan
     labels = np.where(scan.labels == "A", SCRIPT, IMAGE)
     Scan(scan.readings, scan.poses, labels, scan.split, scan.taxel_xy).save(folder / "scan.npz")
     place = make_run_in(

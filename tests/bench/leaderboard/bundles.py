@@ -5,6 +5,7 @@ from dataclasses import replace
 from made_up import make_run
 
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, kept
+from tactsim.core.checking import checked
 
 
 def make_bundle(seeds=(0, 1), **changes):
@@ -19,4 +20,8 @@ def make_bundle(seeds=(0, 1), **changes):
         "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"}, "commit": None,
         "made": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    return Bundle(**said | changes, runs=kept(runs))
+    return checked(Bundle, {"package": None} | said | changes | {"runs": kept(runs)}, "bundle")
+
+
+def changed(bundle, **words):
+    return checked(Bundle, dict(bundle) | words, "bundle")

@@ -9,6 +9,7 @@ from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import OneTrial, Trials, draw_true_pose, generator
+from tactsim.core.checking import checked
 from tactsim.core.poses import compose
 from tactsim.estimators import NONE
 
@@ -42,7 +43,7 @@ def entered(
         "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"},
         "commit": "c" * 40, "made": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
-    return Bundle(**said | changes, runs=kept(runs))
+    return checked(Bundle, {"package": None} | said | changes | {"runs": kept(runs)}, "bundle")
 
 
 def _run(asked, of, method, skill, mm, seconds, seed, bounds):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bundles import make_bundle
+from bundles import changed, make_bundle
 from command_line import refused
 from entered import entered, record_of
 
@@ -81,7 +81,7 @@ def test_mcnemar_and_the_bootstrap_pair_the_same_trials_whatever_their_order(mad
         back = {one.name: getattr(run.trials, one.name)[::-1] for one in fields(run.trials)}
         return replace(run, trials=replace(run.trials, **back))
 
-    twin = replace(made["twin"], method="turned", runs=tuple(map(turned, made["twin"].runs)))
+    twin = changed(made["twin"], method="turned", runs=tuple(map(turned, made["twin"].runs)))
     (of,) = folder_of(tmp_path, {"twin": made["twin"], "turned": twin}).standings
     assert of.ranking.accuracies.wins.tolist() == [[0, 0], [0, 0]]
     assert of.ranking.errors.difference[0, 1] == 0
@@ -89,10 +89,10 @@ def test_mcnemar_and_the_bootstrap_pair_the_same_trials_whatever_their_order(mad
 
 
 def test_bundles_with_other_trials_have_no_score(made, tmp_path):
-    fewer = replace(made["twin"], method="fewer", runs=made["twin"].runs[:4])
+    fewer = changed(made["twin"], method="fewer", runs=made["twin"].runs[:4])
     moved = made["twin"].runs[0]
     moved = replace(moved, trials=replace(moved.trials, true_pose=moved.trials.true_pose + 0.1))
-    moved = replace(made["twin"], method="moved", runs=(moved, *made["twin"].runs[1:]))
+    moved = changed(made["twin"], method="moved", runs=(moved, *made["twin"].runs[1:]))
     (of,) = folder_of(tmp_path, {"fewer": fewer, "moved": moved, **made}).standings
     assert [(one.label, one.status, one.rank) for one in of.unranked] == [
         ("fewer", OTHER_TRIALS, None),
@@ -107,7 +107,7 @@ def test_a_method_that_places_nothing_has_no_rank_among_errors(tmp_path):
     runs = [
         replace(run, trials=replace(run.trials, pose=np.zeros_like(run.trials.pose))) for run in memory.runs
     ]
-    found = folder_of(tmp_path, {**ranked, "memory": replace(memory, runs=tuple(runs))})
+    found = folder_of(tmp_path, {**ranked, "memory": changed(memory, runs=tuple(runs))})
     (of,) = found.standings
     assert [(one.label, one.rank) for one in of.ranked] == [
         ("near", (1, 1)),
@@ -137,19 +137,20 @@ def test_trials_on_a_recording_are_hidden_as_its_pad_and_poses_say(tmp_path, pos
     bundle = entered("best", "schunk5-v1")
 
     def recorded(run):
-        of = zip(run.trials.truth.tolist(), run.trials.trial.tolist(), strict=True)
-        hidden = np.array([Plane().hide(scan, generator(run.seed, OneTrial(*one), 0)) for one in of])
+        hidden = np.array(
+            [Plane().hide(scan, generator(run.seed, OneTrial(*of), 0)) for of in run.trials.ids]
+        )
         trials = replace(run.trials, true_pose=np.repeat(hidden[:, None], run.readings, axis=1))
         return replace(run, trials=trials, about=run.about | {"scan": meta})
 
-    bundle = replace(bundle, runs=tuple(map(recorded, bundle.runs)))
+    bundle = changed(bundle, runs=tuple(map(recorded, bundle.runs)))
     (of,) = folder_of(tmp_path, {"best": bundle}).standings
     assert [one.label for one in of.ranked] == ["best"]
 
 
 def test_other_data_and_tasks_of_other_versions_are_kept_apart(made, tmp_path):
     old = entered("old", TASK, task_data="d" * 64)
-    unknown = replace(old, method="unknown", task="letters-v99")
+    unknown = changed(old, method="unknown", task="letters-v99")
     lost = entered("lost", TASK, task="letters-v98", status="crashed")
     found = folder_of(tmp_path, {"best": made["best"], "old": old, "unknown": unknown, "lost": lost})
     assert [(of.task, of.known is not None, len(of.ranked)) for of in found.standings] == [
@@ -169,7 +170,7 @@ def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monk
     (tmp_path / "older.zip").write_bytes(b"PK")
     monkeypatch.setattr(standings, "MOST_TRIALS", 249)
     odd, no_pad = make_bundle(), {"scan": {"pad": {"rows": 0}}}
-    odd = replace(odd, runs=tuple(replace(run, about=run.about | no_pad) for run in odd.runs))
+    odd = changed(odd, runs=tuple(replace(run, about=run.about | no_pad) for run in odd.runs))
     found = folder_of(tmp_path, {"best": made["best"], "odd": odd, "small": make_bundle()})
     assert [path.name for path, _ in found.unreadable] == [
         "best.tar.xz",

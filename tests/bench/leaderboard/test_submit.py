@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundles import changed
 from command_line import refused
 
 from tactsim.bench import experiment
@@ -100,7 +101,7 @@ def test_a_plug_in_is_submitted_and_verified(bundle_of, here, folder):
     assert bundle.options == {"spread": 2.0}
     assert bundle.task_data == task("small-v1.toml").data
     assert [run.seed for run in bundle.runs] == [0, 1, 2, 3, 4]
-    assert len(bundle.ids) == len(set(bundle.ids)) == 40
+    assert len(bundle.pooled.ids) == len(set(bundle.pooled.ids)) == 40
     said = verified(here("verify", path, "--record"))
     assert "20 of 40 trials, chosen with --seed" in said
     assert "all 20 trials that were done again are the same in all that a bundle keeps" in " ".join(
@@ -138,7 +139,7 @@ def test_a_plug_in_that_fails_has_a_status_and_no_score(here, folder, plugged):
 def test_what_is_not_reproducible_must_say_so(bundle_of, here, folder):
     path = bundle_of("randomguess")
     unverified(here("verify", path, "--seed", "1"), "seed 0, letter ")  # the first trial that differs
-    open_about_it = replace(read_bundle(path), reproducible=False)
+    open_about_it = changed(read_bundle(path), reproducible=False)
     write_bundle(open_about_it, path)
     said = " ".join(verified(here("verify", path, "--seed", "1", "--record")).split())
     assert "within what chance allows" in said
@@ -150,7 +151,7 @@ def rewritten(path, change):
     """Change the trials of each run, as somebody does who knows how."""
     bundle = read_bundle(path)
     runs = [replace(run, trials=replace(run.trials, **change(run.trials))) for run in bundle.runs]
-    write_bundle(replace(bundle, runs=tuple(runs)), path)
+    write_bundle(changed(bundle, runs=tuple(runs)), path)
 
 
 def all_right(trials):
@@ -165,14 +166,14 @@ def test_results_that_were_made_better_are_found_out(bundle_of, here):
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     rewritten(path, all_right)
     unverified(here("verify", path, "--seed", "0"), "is not what it is in the bundle when it is done again")
-    write_bundle(replace(read_bundle(path), reproducible=False), path)
+    write_bundle(changed(read_bundle(path), reproducible=False), path)
     unverified(here("verify", path, "--seed", "0"), "beyond chance")
 
 
 @pytest.mark.long
 def test_who_has_prepared_for_the_task_is_found_out_on_a_fresh_seed(bundle_of, here):
     path = bundle_of("prepared")
-    assert read_bundle(path).trials.right.all()
+    assert read_bundle(path).pooled.trials.right.all()
     assert "are the same in all" in " ".join(verified(here("verify", path)).split()), "so far all is well"
     unverified(
         here("verify", path, "--fresh", "--seed", "1"),
@@ -199,19 +200,20 @@ def test_what_a_run_says_of_itself_cannot_be_changed(bundle_of, here, monkeypatc
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     good = read_bundle(path)
 
-    def changed(**changes):
+    def verified_with(**changes):
         runs = [replace(run, **{name: change(run) for name, change in changes.items()}) for run in good.runs]
-        write_bundle(replace(good, runs=tuple(runs)), path)
+        write_bundle(changed(good, runs=tuple(runs)), path)
         return here("verify", path)
 
     def light(run):
         return {letter: replace(of, inertia_over_mass=1e-6) for letter, of in run.objects.items()}
 
-    unverified(changed(objects=light), "what it says of the objects")
+    unverified(verified_with(objects=light), "what it says of the objects")
     unverified(
-        changed(config=lambda run: run.config | {"test_poses": "same"}), "the task says test_poses 'random'"
+        verified_with(config=lambda run: run.config | {"test_poses": "same"}),
+        "the task says test_poses 'random'",
     )
-    write_bundle(replace(good, runs=good.runs[:-1]), path)
+    write_bundle(changed(good, runs=good.runs[:-1]), path)
     unverified(here("verify", path), "asks for the seeds 0, 1, 2, 3, 4")
 
 
@@ -219,11 +221,11 @@ def test_what_a_run_says_of_itself_cannot_be_changed(bundle_of, here, monkeypatc
 def test_a_bundle_of_another_version_is_refused_in_one_line(bundle_of, here, folder):
     path = bundle_of("guess", "--set", "spread=2", "--title", "Guesses")
     good = read_bundle(path)
-    write_bundle(replace(good, task="letters-v99"), path)
+    write_bundle(changed(good, task="letters-v99"), path)
     refused(here("verify", path), "'letters-v99', which this version of tactsim does not have")
-    write_bundle(replace(good, task_data="0" * 64), path)
+    write_bundle(changed(good, task_data="0" * 64), path)
     refused(here("verify", path), "it is of another version of the task small-v1.toml", "000000000000")
-    write_bundle(replace(good, versions=good.versions | {"tactsim": "9.9"}, source_hash="0" * 64), path)
+    write_bundle(changed(good, versions=good.versions | {"tactsim": "9.9"}, source_hash="0" * 64), path)
     said = " ".join(verified(here("verify", path)).split())
     assert "it was made with tactsim 9.9, and here is" in said
     assert "the code here is not that of the bundle" in said
