@@ -11,7 +11,7 @@ from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -152,15 +152,13 @@ def _say_version(asked: bool) -> None:
 
 @app.callback()
 def _bench(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_say_version,
-            is_eager=True,
-            help="Print the versions of tactsim and its libraries.",
-        ),
-    ] = False,
+    version: bool = typer.Option(
+        False,
+        "--version",
+        callback=_say_version,
+        is_eager=True,
+        help="Print the versions of tactsim and its libraries.",
+    ),
 ) -> None:
     """Compare ways to recognise an object by touch: press, map, recognise, score."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -27,59 +27,53 @@ if TYPE_CHECKING:
 
 def command_emulate(
     context: typer.Context,
-    port: Annotated[
-        str, typer.Option(help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT.")
-    ] = "pty",
+    port: str = typer.Option(
+        "pty", help="Where to serve: pty, pty:LINK (a name that stays), tcp or tcp:[HOST:]PORT."
+    ),
     device: pads.DeviceName = "emulated",
-    letter: Annotated[str | None, typer.Option(help="Press this letter, again and again.")] = None,
-    pose: Annotated[str, typer.Option(help="Where: sensor in object, x,y,theta in mm and rad.")] = "0,0,0",
-    follow: Annotated[
-        Path | None, typer.Option(help="The recording of a guided session: press what that session asks for.")
-    ] = None,
-    plan: Annotated[
-        Path | None,
-        typer.Option(
-            help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad "
-            "(or theta_deg). Recorded to --out, without waiting."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="With --plan: the recording, .tactrec, or .csv as the PPS tool writes."),
-    ] = None,
-    marks: Annotated[
-        Path | None,
-        typer.Option(help="With --plan: write what was pressed when, for `bench replay --marks`."),
-    ] = None,
-    shapes: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--shape",
-            help="A shape that the plan, or the session that is followed, names; repeat for several.",
-        ),
-    ] = None,
-    world: Annotated[
-        str, typer.Option(help="How the pad is pressed and what it reads: a world's name, or a file.")
-    ] = "default",
-    hold: Annotated[float, shared.number("Seconds that a press lasts.", least=0.01)] = 2.0,
-    lift: Annotated[float, shared.number("Seconds between presses.", least=0.01)] = 0.5,
-    rate: Annotated[float, shared.number("Frames a second.", least=0.01, most=100_000)] = 100.0,
+    letter: str | None = typer.Option(None, help="Press this letter, again and again."),
+    pose: str = typer.Option("0,0,0", help="Where: sensor in object, x,y,theta in mm and rad."),
+    follow: Path | None = typer.Option(
+        None, help="The recording of a guided session: press what that session asks for."
+    ),
+    plan: Path | None = typer.Option(
+        None,
+        help="What a robot presses, once: a CSV with the columns label, split, x_mm, y_mm, theta_rad "
+        "(or theta_deg). Recorded to --out, without waiting.",
+    ),
+    out: Path | None = typer.Option(
+        None, help="With --plan: the recording, .tactrec, or .csv as the PPS tool writes."
+    ),
+    marks: Path | None = typer.Option(
+        None, help="With --plan: write what was pressed when, for `bench replay --marks`."
+    ),
+    shapes: list[Path] | None = typer.Option(
+        None,
+        "--shape",
+        help="A shape that the plan, or the session that is followed, names; repeat for several.",
+    ),
+    world: str = typer.Option(
+        "default", help="How the pad is pressed and what it reads: a world's name, or a file."
+    ),
+    hold: float = shared.number("Seconds that a press lasts.", default=2.0, least=0.01),
+    lift: float = shared.number("Seconds between presses.", default=0.5, least=0.01),
+    rate: float = shared.number("Frames a second.", default=100.0, least=0.01, most=100_000),
     scan_set: shared.ScanSet = None,
-    drop: Annotated[float, shared.number("Probability that a byte is lost.", least=0, most=1)] = 0.0,
-    flip: Annotated[float, shared.number("Probability that a byte is changed.", least=0, most=1)] = 0.0,
-    torn: Annotated[
-        float, shared.number("Probability that a frame breaks off in its middle.", least=0, most=1)
-    ] = 0.0,
-    garbage: Annotated[
-        float, shared.number("Probability of a burst of random bytes before a frame.", least=0, most=1)
-    ] = 0.0,
-    drift: Annotated[float, shared.number("kPa a second by which the zero moves.")] = 0.0,
-    disconnect: Annotated[
-        float, shared.number("Seconds after which the line is cut, again and again; 0: never.", least=0)
-    ] = 0.0,
-    jitter: Annotated[
-        float, shared.number("How unevenly frames come, as a share of the time between two.", least=0, most=1)
-    ] = 0.0,
+    drop: float = shared.number("Probability that a byte is lost.", default=0.0, least=0, most=1),
+    flip: float = shared.number("Probability that a byte is changed.", default=0.0, least=0, most=1),
+    torn: float = shared.number(
+        "Probability that a frame breaks off in its middle.", default=0.0, least=0, most=1
+    ),
+    garbage: float = shared.number(
+        "Probability of a burst of random bytes before a frame.", default=0.0, least=0, most=1
+    ),
+    drift: float = shared.number("kPa a second by which the zero moves.", default=0.0),
+    disconnect: float = shared.number(
+        "Seconds after which the line is cut, again and again; 0: never.", default=0.0, least=0
+    ),
+    jitter: float = shared.number(
+        "How unevenly frames come, as a share of the time between two.", default=0.0, least=0, most=1
+    ),
     seed: shared.Seed = 0,
 ) -> None:
     """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""

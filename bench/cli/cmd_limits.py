@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -20,21 +20,17 @@ if TYPE_CHECKING:
 @with_options_of(ScanWords, only=("letters", "test_poses", "world"))
 def command_bound(
     words: Words,
-    trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
-    readings: Annotated[int, typer.Option(min=1, help="Readings a trial, without replacement.")] = 20,
-    scan: Annotated[
-        Path | None, typer.Option(help="Readings from a file of `bench scan` instead of the press.")
-    ] = None,
-    slip: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="How the object moves between touches, a random walk: walk_mm=0.5, walk_rad=0.03.",
-            metavar="NAME=VALUE",
-        ),
-    ] = None,
+    trials: int = typer.Option(10, min=1, help="Trials for each letter."),
+    readings: int = typer.Option(20, min=1, help="Readings a trial, without replacement."),
+    scan: Path | None = typer.Option(None, help="Readings from a file of `bench scan` instead of the press."),
+    slip: list[str] | None = typer.Option(
+        None,
+        help="How the object moves between touches, a random walk: walk_mm=0.5, walk_rad=0.03.",
+        metavar="NAME=VALUE",
+    ),
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    out: Annotated[Path | None, typer.Option(help="Also draw a picture: the file to write, .png.")] = None,
+    out: Path | None = typer.Option(None, help="Also draw a picture: the file to write, .png."),
     as_json: shared.AsJson = False,
 ) -> None:
     """Say how good an estimator can be: exact Bayes, and the Cramer-Rao bound of the error, by reading."""
@@ -77,19 +73,16 @@ _WHAT = {
 
 
 def command_fit(
-    scan: Annotated[
-        Path, typer.Argument(metavar="SCAN", help="The scan, .npz; its training readings count.")
-    ],
-    estimator: Annotated[
-        str, typer.Option(help="The estimator whose options are chosen; a filter on maps.")
-    ] = "stacked",
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="An option that is not to be chosen, name=value.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="A world file (.toml) with the pad and the response, for `bench scan --world`."),
-    ] = None,
+    scan: Path = typer.Argument(..., metavar="SCAN", help="The scan, .npz; its training readings count."),
+    estimator: str = typer.Option(
+        "stacked", help="The estimator whose options are chosen; a filter on maps."
+    ),
+    settings: list[str] | None = typer.Option(
+        None, "--set", help="An option that is not to be chosen, name=value."
+    ),
+    out: Path | None = typer.Option(
+        None, help="A world file (.toml) with the pad and the response, for `bench scan --world`."
+    ),
     as_json: shared.AsJson = False,
 ) -> None:
     """Choose what depends on a pad's unit, pitch and response from training readings alone, and say why."""
@@ -180,11 +173,10 @@ def _world(scan: Scan, exponent: float, typical: float) -> dict[str, Any]:
 
 
 def command_stress(
-    case: Annotated[list[str] | None, typer.Option(help="Only this case; repeat for several.")] = None,
-    tag: Annotated[
-        list[str] | None,
-        typer.Option(help="Only cases with this tag, a topic or 'quick'; repeat for several."),
-    ] = None,
+    case: list[str] | None = typer.Option(None, help="Only this case; repeat for several."),
+    tag: list[str] | None = typer.Option(
+        None, help="Only cases with this tag, a topic or 'quick'; repeat for several."
+    ),
     as_json: shared.AsJson = False,
 ) -> None:
     """Vary inputs over many decades and measure the worst deviation; exit status 1 if a case fails."""

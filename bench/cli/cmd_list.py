@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -28,16 +28,14 @@ Row = tuple[str, str, str]  # a name, its default or status, what it is
 
 
 def command_list(
-    what: Annotated[
-        str | None,
-        typer.Argument(
-            help="Only this: estimators, likelihoods, letters, solids, worlds, scan-options, solid-options, slip, "
-            "metrics, suites, formats."
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Argument(help="Of the estimators or likelihoods, only this one, with its options.")
-    ] = None,
+    what: str | None = typer.Argument(
+        None,
+        help="Only this: estimators, likelihoods, letters, solids, worlds, scan-options, solid-options, slip, "
+        "metrics, suites, formats.",
+    ),
+    name: str | None = typer.Argument(
+        None, help="Of the estimators or likelihoods, only this one, with its options."
+    ),
 ) -> None:
     """List estimators, likelihoods, letters, solids, worlds, metrics, suites, formats, or options of one or a scan."""
     from tactsim.bench.console import plain_console, plain_grid
@@ -203,11 +201,9 @@ def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
 
 
 def command_new(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="What to make: estimator or source.")],
-    name: Annotated[str, typer.Argument(help="Its name: lower-case words with hyphens between them.")],
-    out: Annotated[
-        Path | None, typer.Option(help="A new folder. Default: one called as the repository.")
-    ] = None,
+    kind: str = typer.Argument(..., metavar="KIND", help="What to make: estimator or source."),
+    name: str = typer.Argument(..., help="Its name: lower-case words with hyphens between them."),
+    out: Path | None = typer.Option(None, help="A new folder. Default: one called as the repository."),
 ) -> None:
     """Make a repository of your own for an estimator or a source, with its tests and its workflow."""
     from tactsim.bench.console import plain_console

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -19,51 +19,40 @@ if TYPE_CHECKING:
 
 def command_live(
     context: typer.Context,
-    port: Annotated[
-        list[str],
-        typer.Option(
-            help="Where the pad is, as for `bench watch`. simulated:A hides an A, which is pressed where it is asked "
-            "for. Repeat for a pad on several ports."
-        ),
-    ],
-    train_scan: Annotated[
-        Path | None,
-        typer.Option(help="What the estimator learns from. Default: simulated presses of AEIOU on this pad."),
-    ] = None,
-    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")] = "stacked",
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."),
-    ] = None,
-    explore: Annotated[
-        Literal["information", "random"] | None,
-        typer.Option(
-            help="The next touch: information (the estimator proposes it) or random. Default: information, if the "
-            "estimator can."
-        ),
-    ] = None,
-    readings: Annotated[
-        int | None, typer.Option(min=1, help="End after so many touches. Default: go on.")
-    ] = None,
-    shapes: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--shape",
-            help="A shape of your own, learned beside AEIOU; --port simulated:NAME of its file hides it.",
-        ),
-    ] = None,
+    port: list[str] = typer.Option(
+        ...,
+        help="Where the pad is, as for `bench watch`. simulated:A hides an A, which is pressed where it is asked "
+        "for. Repeat for a pad on several ports.",
+    ),
+    train_scan: Path | None = typer.Option(
+        None, help="What the estimator learns from. Default: simulated presses of AEIOU on this pad."
+    ),
+    estimator: str = typer.Option("stacked", help="The estimator; `bench list` names them all."),
+    settings: list[str] | None = typer.Option(
+        None, "--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."
+    ),
+    explore: Literal["information", "random"] | None = typer.Option(
+        None,
+        help="The next touch: information (the estimator proposes it) or random. Default: information, if the "
+        "estimator can.",
+    ),
+    readings: int | None = typer.Option(None, min=1, help="End after so many touches. Default: go on."),
+    shapes: list[Path] | None = typer.Option(
+        None,
+        "--shape",
+        help="A shape of your own, learned beside AEIOU; --port simulated:NAME of its file hides it.",
+    ),
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
     seen: pads.Seen = "behind",
     seed: shared.Seed = 0,
-    as_json: Annotated[
-        bool,
-        typer.Option(
-            "--json", help="Print one JSON object for each touch on standard output and nothing else there."
-        ),
-    ] = False,
+    as_json: bool = typer.Option(
+        False,
+        "--json",
+        help="Print one JSON object for each touch on standard output and nothing else there.",
+    ),
 ) -> None:
     """Recognise what is pressed, touch by touch; says which letter, where, and where to press next."""
     from contextlib import nullcontext
@@ -147,9 +136,9 @@ def command_watch(
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
     seen: pads.Seen = "behind",
-    seconds: Annotated[
-        float | None, shared.number("For how long. Default: till q, Ctrl-C or a recording's end.", least=0)
-    ] = None,
+    seconds: float | None = shared.number(
+        "For how long. Default: till q, Ctrl-C or a recording's end.", default=None, least=0
+    ),
 ) -> None:
     """Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare."""
     from contextlib import nullcontext

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -14,27 +13,20 @@ from tactsim.core.errors import InputError, printable
 
 
 def command_sweep(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE.toml|SUITE", help="A sweep file, or a suite; `bench list suites` names them."
-        ),
-    ],
-    jobs: Annotated[int | None, typer.Option(min=1, help="Local processes. Default: one a core.")] = None,
-    dask: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster.")
-    ] = None,
+    source: str = typer.Argument(
+        ..., metavar="FILE.toml|SUITE", help="A sweep file, or a suite; `bench list suites` names them."
+    ),
+    jobs: int | None = typer.Option(None, min=1, help="Local processes. Default: one a core."),
+    dask: str | None = typer.Option(
+        None, metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster."
+    ),
     cache: shared.Cache = True,
-    also: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ESTIMATOR", help="Ask the same of this one too, such as your own; repeat for several."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME."),
-    ] = None,
+    also: list[str] | None = typer.Option(
+        None, metavar="ESTIMATOR", help="Ask the same of this one too, such as your own; repeat for several."
+    ),
+    out: Path | None = typer.Option(
+        None, help="The sweep's folder; one that was stopped goes on. Default: results/sweeps/NAME."
+    ),
 ) -> None:
     """Do many runs; a sweep that was stopped goes on with those that are missing when it is started again."""
     from tactsim.bench import sweep
@@ -60,29 +52,22 @@ def command_sweep(
 
 
 def command_report(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs or of sweeps.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.html",
-            help="The page to write. Default: report.html in the folder given, in results/ for several.",
-        ),
-    ] = None,
-    each_seed: Annotated[
-        bool,
-        typer.Option(
-            "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
-        ),
-    ] = False,
-    width: Annotated[
-        str, typer.Option(help="Of the figures beside the page, whose type is 8 pt: 3.4in, 86mm.")
-    ] = "7.16in",
-    panel: Annotated[
-        Panel | None, typer.Option(help="Only this panel of the curves over readings. Default: both.")
-    ] = None,
-    caption: Annotated[
-        bool, typer.Option("--caption/--no-caption", help="Say below a figure what it is of.")
-    ] = True,
+    runs: list[Path] = typer.Argument(..., metavar="RUN...", help="Folders of runs or of sweeps."),
+    out: Path | None = typer.Option(
+        None,
+        metavar="FILE.html",
+        help="The page to write. Default: report.html in the folder given, in results/ for several.",
+    ),
+    each_seed: bool = typer.Option(
+        False, "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
+    ),
+    width: str = typer.Option(
+        "7.16in", help="Of the figures beside the page, whose type is 8 pt: 3.4in, 86mm."
+    ),
+    panel: Panel | None = typer.Option(
+        None, help="Only this panel of the curves over readings. Default: both."
+    ),
+    caption: bool = typer.Option(True, "--caption/--no-caption", help="Say below a figure what it is of."),
 ) -> None:
     """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
     from tactsim.bench.kinds import Sheet
@@ -130,27 +115,21 @@ class Format(StrEnum):
 
 
 def command_table(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs or of sweeps.")],
-    to: Annotated[
-        Format, typer.Option(help="How to write it. LaTeX needs the package booktabs.")
-    ] = Format.MARKDOWN,
-    figures: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--figure",
-            metavar="NAME[@READING]",
-            help="A column, such as accuracy@5, error_mm@20 or settled_95; repeat for several. Default: accuracy@1, "
-            "accuracy@5, settled_95 and the error at the end.",
-        ),
-    ] = None,
-    rank: Annotated[
-        str | None,
-        typer.Option(
-            "--rank",
-            metavar="FIGURE",
-            help="Order the methods by this figure, such as error_mm@20, and say which ranks the tests leave to each.",
-        ),
-    ] = None,
+    runs: list[Path] = typer.Argument(..., metavar="RUN...", help="Folders of runs or of sweeps."),
+    to: Format = typer.Option(Format.MARKDOWN, help="How to write it. LaTeX needs the package booktabs."),
+    figures: list[str] | None = typer.Option(
+        None,
+        "--figure",
+        metavar="NAME[@READING]",
+        help="A column, such as accuracy@5, error_mm@20 or settled_95; repeat for several. Default: accuracy@1, "
+        "accuracy@5, settled_95 and the error at the end.",
+    ),
+    rank: str | None = typer.Option(
+        None,
+        "--rank",
+        metavar="FIGURE",
+        help="Order the methods by this figure, such as error_mm@20, and say which ranks the tests leave to each.",
+    ),
 ) -> None:
     """Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled."""
     from tactsim.bench.report.write import find
@@ -180,10 +159,10 @@ def command_table(
 
 
 def command_compare(
-    base: Annotated[Path, typer.Argument(help="The folder of the run to compare with.")],
-    new: Annotated[
-        list[Path], typer.Argument(metavar="NEW...", help="The folder of the run to judge, or several.")
-    ],
+    base: Path = typer.Argument(..., help="The folder of the run to compare with."),
+    new: list[Path] = typer.Argument(
+        ..., metavar="NEW...", help="The folder of the run to judge, or several."
+    ),
 ) -> None:
     """Compare runs on the same trials with a first one; exit status 1 if any is worse beyond chance."""
     from tactsim.bench.compare import compare
@@ -273,7 +252,7 @@ def _compare_all(folders: list[Path]) -> None:
 
 
 def command_runs(
-    folder: Annotated[Path, typer.Argument(help="Where to look, at any depth.")] = Path("results"),
+    folder: Path = typer.Argument(Path("results"), help="Where to look, at any depth."),
 ) -> None:
     """List all runs of a folder with their figures after the last reading, the newest last."""
     from tactsim.bench.console import plain_console, plain_table

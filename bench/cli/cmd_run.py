@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -32,29 +32,23 @@ def command_run(
     hand: shared.Hand = None,
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    out: Annotated[
-        Path | None, typer.Option(help="A new folder for the results. Default: results/runs/...")
-    ] = None,
-    verbose: Annotated[
-        bool,
-        typer.Option(
-            "--verbose",
-            "-v",
-            help="Print more readings, how sure the estimator was, times and counts of work.",
-        ),
-    ] = False,
+    out: Path | None = typer.Option(None, help="A new folder for the results. Default: results/runs/..."),
+    verbose: bool = typer.Option(
+        False,
+        "--verbose",
+        "-v",
+        help="Print more readings, how sure the estimator was, times and counts of work.",
+    ),
     as_json: shared.AsJson = False,
-    port: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
-            "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
-            rich_help_panel=pads.PANEL,
-        ),
-    ] = None,
-    calibration: Annotated[
-        Path | None, typer.Option(help="Calibration file of `bench tare`.", rich_help_panel=pads.PANEL)
-    ] = None,
+    port: list[str] | None = typer.Option(
+        None,
+        help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
+        "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
+        rich_help_panel=pads.PANEL,
+    ),
+    calibration: Path | None = typer.Option(
+        None, help="Calibration file of `bench tare`.", rich_help_panel=pads.PANEL
+    ),
     frames: pads.Frames = 20,
     force: pads.Force = "0.3:20",
     patience: pads.Patience = None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -17,24 +16,20 @@ from tactsim.bench.config import ScanWords, scan_options, slip_of_world
 def command_scan(
     words: Words,
     context: typer.Context,
-    out: Annotated[Path, typer.Option(help="The file to write, .npz.")],
+    out: Path = typer.Option(..., help="The file to write, .npz."),
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
-    sequence: Annotated[
-        bool,
-        typer.Option(
-            "--sequence",
-            help="Keep the images of every press on its way to rest; press.dynamics must be full.",
-        ),
-    ] = False,
-    task: Annotated[
-        str | None,
-        typer.Option(
-            metavar="solids",
-            help="Touch objects in space instead of letters in the plane.",
-            rich_help_panel=shared.SOLIDS_PANEL,
-        ),
-    ] = None,
+    sequence: bool = typer.Option(
+        False,
+        "--sequence",
+        help="Keep the images of every press on its way to rest; press.dynamics must be full.",
+    ),
+    task: str | None = typer.Option(
+        None,
+        metavar="solids",
+        help="Touch objects in space instead of letters in the plane.",
+        rich_help_panel=shared.SOLIDS_PANEL,
+    ),
     objects: shared.Objects = None,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""

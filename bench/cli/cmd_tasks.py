@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,17 +17,13 @@ if TYPE_CHECKING:
 
 
 def command_tasks(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME|FILE.toml", help="Only this task, whole.")
-    ] = None,
-    hash_data: Annotated[
-        bool,
-        typer.Option(
-            "--hash",
-            help="Press the data of every seed and compare their hashes with those that the task states; "
-            "exit status 1 if one differs.",
-        ),
-    ] = False,
+    name: str | None = typer.Argument(None, metavar="NAME|FILE.toml", help="Only this task, whole."),
+    hash_data: bool = typer.Option(
+        False,
+        "--hash",
+        help="Press the data of every seed and compare their hashes with those that the task states; "
+        "exit status 1 if one differs.",
+    ),
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     as_json: shared.AsJson = False,
@@ -140,23 +136,18 @@ def _print_hashes(one: Task, hashes: list[str]) -> None:
 
 
 def command_submit(
-    task: Annotated[str, typer.Argument(metavar="TASK", help="A frozen task; `bench tasks` names them all.")],
-    estimator: Annotated[str, typer.Option(help="The estimator; `bench list` names them all.")],
-    out: Annotated[Path, typer.Option(help="The bundle, a file that is to be written.")],
-    options: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An option of the estimator, key=value; repeat for several."),
-    ] = None,
-    title: Annotated[
-        str | None, typer.Option(help="How tables call the method. Default: its name and options.")
-    ] = None,
-    reproducible: Annotated[
-        bool,
-        typer.Option(
-            "--reproducible/--not-reproducible",
-            help="Whether the same seeds give the same answers to the bit.",
-        ),
-    ] = True,
+    task: str = typer.Argument(..., metavar="TASK", help="A frozen task; `bench tasks` names them all."),
+    estimator: str = typer.Option(..., help="The estimator; `bench list` names them all."),
+    out: Path = typer.Option(..., help="The bundle, a file that is to be written."),
+    options: list[str] | None = typer.Option(
+        None, "--set", help="An option of the estimator, key=value; repeat for several."
+    ),
+    title: str | None = typer.Option(None, help="How tables call the method. Default: its name and options."),
+    reproducible: bool = typer.Option(
+        True,
+        "--reproducible/--not-reproducible",
+        help="Whether the same seeds give the same answers to the bit.",
+    ),
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
     as_json: shared.AsJson = False,
@@ -203,26 +194,20 @@ def command_submit(
 
 
 def command_verify(
-    bundle: Annotated[Path, typer.Argument(metavar="BUNDLE", help="A file that `bench submit` wrote.")],
-    full: Annotated[bool, typer.Option("--full", help="Do all trials again.")] = False,
-    share: Annotated[
-        float,
-        shared.number("The share of the trials that is done again, at least 20 trials.", least=0, most=1),
-    ] = 0.05,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Seed of which trials are done again. Default: a new one each time."),
-    ] = None,
-    fresh: Annotated[
-        bool,
-        typer.Option(
-            "--fresh", help="Also do one more run, with a seed that nobody could have prepared for."
-        ),
-    ] = False,
-    record: Annotated[
-        bool,
-        typer.Option("--record", help="Write what was found beside the bundle, for `bench leaderboard`."),
-    ] = False,
+    bundle: Path = typer.Argument(..., metavar="BUNDLE", help="A file that `bench submit` wrote."),
+    full: bool = typer.Option(False, "--full", help="Do all trials again."),
+    share: float = shared.number(
+        "The share of the trials that is done again, at least 20 trials.", default=0.05, least=0, most=1
+    ),
+    seed: int | None = typer.Option(
+        None, min=0, help="Seed of which trials are done again. Default: a new one each time."
+    ),
+    fresh: bool = typer.Option(
+        False, "--fresh", help="Also do one more run, with a seed that nobody could have prepared for."
+    ),
+    record: bool = typer.Option(
+        False, "--record", help="Write what was found beside the bundle, for `bench leaderboard`."
+    ),
     jobs: shared.Jobs = 1,
     cache: shared.Cache = True,
 ) -> None:
@@ -288,14 +273,12 @@ def command_verify(
 
 
 def command_leaderboard(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of bundles (*.tar.xz).")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="SITE",
-            help="The site's folder; a site that stands there is replaced. Default: site in FOLDER.",
-        ),
-    ] = None,
+    folder: Path = typer.Argument(..., metavar="FOLDER", help="The folder of bundles (*.tar.xz)."),
+    out: Path | None = typer.Option(
+        None,
+        metavar="SITE",
+        help="The site's folder; a site that stands there is replaced. Default: site in FOLDER.",
+    ),
 ) -> None:
     """Rank the methods of a folder of bundles, task by task, and write a page of them."""
     from tactsim.bench.cli.app import FAILED

@@ -39,7 +39,9 @@ def share(option: str, text: str) -> float:
     return found
 
 
-def number(help: str, *, least: float | None = None, most: float | None = None, **words: Any) -> Any:
+def number(
+    help: str, *, default: Any = ..., least: float | None = None, most: float | None = None, **words: Any
+) -> Any:
     """Describe an option that takes a finite number, from `least` to `most` where they are given.
 
     words: what else `typer.Option` takes. Its own bounds alone would let infinity pass, and say of NaN that it is
@@ -59,7 +61,7 @@ def number(help: str, *, least: float | None = None, most: float | None = None, 
             )
         return value
 
-    return typer.Option(parser=read, min=least, max=most, help=help, **words)
+    return typer.Option(default, parser=read, min=least, max=most, help=help, **words)
 
 
 ScanSet = Annotated[
