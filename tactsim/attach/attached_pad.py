@@ -80,7 +80,7 @@ def relief_surface(
     first = _matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
     # Column by column, as a lattice's cells come.
-    layers = np.ascontiguousarray(np.stack([*relief, jumps]).T)
+    layers = np.ascontiguousarray(np.stack([*relief, *jumps]).T)
     face = Face(RELIEF, np.zeros(3), grid, layers, low - middle, high - middle, depth)
     return PadSurface(first.T @ origin, first.T @ axes, face)
 
@@ -115,22 +115,23 @@ def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> t
 
 
 def _jumps(height: FloatArray, seen: NDArray[np.bool_], rise_x: FloatArray, rise_y: FloatArray) -> FloatArray:
-    """Count the steps, and the rims of what is seen, up to each point along both x and y: (rows, columns).
+    """Count the steps, and the rims of what is seen, along x and along y up to each point: (2, rows, columns).
 
     height: mm. rise_x, rise_y: mm by which the slopes rise to the next point. The sides of the rectangle that holds all
     that is seen do not count: there the face ends.
     """
-    jumps = np.zeros(height.shape)
-    for each, rise in ((jumps, rise_x), (jumps.T, rise_y.T)):
-        high, there = (height, seen) if each is jumps else (height.T, seen.T)
+    jumps = np.zeros((2, *height.shape))
+    for each, high, there, rise in (
+        (jumps[0], height, seen, rise_x), (jumps[1].T, height.T, seen.T, rise_y.T)
+    ):  # fmt: skip
         with np.errstate(invalid="ignore"):
             off = np.abs(np.diff(high, axis=1)) > np.maximum(*np.abs([rise[:, 1:], rise[:, :-1]])) + _JUMP
-        each[:, 1:] += np.where(there[:, 1:] & there[:, :-1], off, there[:, 1:] != there[:, :-1])
+        each[:, 1:] = np.where(there[:, 1:] & there[:, :-1], off, there[:, 1:] != there[:, :-1])
     rows, columns = np.nonzero(seen)
-    within = slice(rows.min() + 1, rows.max() + 1), slice(columns.min() + 1, columns.max() + 1)
-    inner = np.zeros(height.shape)
+    within = np.s_[:, rows.min() + 1 : rows.max() + 1, columns.min() + 1 : columns.max() + 1]
+    inner = np.zeros(jumps.shape)
     inner[within] = jumps[within]
-    return inner.cumsum(axis=0).cumsum(axis=1)
+    return inner.cumsum(axis=1).cumsum(axis=2)
 
 
 def _slopes(height: FloatArray, step: float, axis: int) -> FloatArray:

@@ -292,8 +292,9 @@ def measure(
         # The rim is a wall that turns with the point: its part along each side of a cell.
         x, y = point[0] + gap[i] * way[0], point[1] + gap[i] * way[1]
         distance = max(math.hypot(x, y), SMALL)
+        leaning = min((x * way[0] + y * way[1]) / distance, 0.0) * min(gap[i], 0.0) / 2  # as in `enter`
         share[i], shift[0, i], shift[1, i] = cut(
-            distance - half[0],
+            distance - half[0] - leaning,
             (along_u[0] * x + along_u[1] * y) / distance,
             (along_v[0] * x + along_v[1] * y) / distance,
         )

@@ -19,7 +19,6 @@ _ROUNDING = 1e-14  # of the load's energy, which sums of the layer's energy are 
 # A turn's own stiffness over that of a layer that touches everywhere. It is felt only where the load stands on the
 # very rim of what touches, which no finite turn balances.
 _HOLD = 1e-6
-_SMALL = 1e-300
 
 
 @compiled(called_from_python=False)
@@ -33,23 +32,6 @@ def energy(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, motion: 
         if depth > 0:
             layer += weight[i] * depth * depth / 2
     return layer + hold * (motion[1:] ** 2).sum() / 2 - force * motion[0]
-
-
-@compiled(called_from_python=False)
-def solve(matrix: Reals2D, right: Reals1D) -> Reals1D:
-    """Solve a few equations by elimination. matrix: positive definite; only what is below its diagonal is looked at."""
-    left, solved = matrix.copy(), right.copy()
-    for i in range(len(right)):
-        left[i, i:] = matrix[i:, i]
-    for i in range(len(right)):
-        pivot = max(left[i, i], _SMALL)
-        for j in range(i + 1, len(right)):
-            share = left[j, i] / pivot
-            left[j] -= share * left[i]
-            solved[j] -= share * solved[i]
-    for i in range(len(right) - 1, -1, -1):
-        solved[i] = (solved[i] - (left[i, i + 1 :] * solved[i + 1 :]).sum()) / max(left[i, i], _SMALL)
-    return solved
 
 
 @compiled(called_from_python=False)
@@ -100,11 +82,11 @@ def balance(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, straigh
                 for j in range(motions):
                     push = weight[i] * basis[j, i]
                     slope[j] += push * depth
-                    for k in range(j + 1):
+                    for k in range(motions):
                         stiffness[j, k] += push * basis[k, i]
         if np.abs(slope).max() <= _TOLERANCE * force:
             break
-        step = -solve(stiffness, slope)
+        step = -np.linalg.solve(stiffness, slope)
         length, falls, noise = 1.0, (slope * step).sum(), _ROUNDING * force * abs(motion[0])
         then = energy(gap, weight, basis, force, motion + step)
         while length > _SHORTEST and then > now + 1e-4 * length * falls + noise:

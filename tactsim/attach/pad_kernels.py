@@ -152,6 +152,17 @@ def along(normals: Reals2D, face: int, vectors: Reals2D, i: int) -> float:
 
 
 @compiled(called_from_python=False)
+def cut_by(
+    normals: Reals2D, face: int, lines: Lines, line: int, outside: float
+) -> tuple[float, float, float]:
+    """Cut a cell by a face that is a wall, `outside` mm from the cell's middle: as `cut`."""
+    part = along(normals, face, lines.normals, line)
+    steep = math.sqrt(max(1 - part * part, SMALL))
+    across_u = along(normals, face, lines.span_u, line) / steep
+    return cut(outside, across_u, along(normals, face, lines.span_v, line) / steep)
+
+
+@compiled(called_from_python=False)
 def between(normals: Reals2D, face: int, other: int) -> float:
     """Give the cosine of the angle between two of f normals (3, f)."""
     x, y, z = normals[0, other], normals[1, other], normals[2, other]
@@ -196,6 +207,8 @@ def enter(
 ) -> None:
     """Find where lines enter a body of flat faces: at the last face that they pass inwards, within the walls.
 
+    A wall that leans over the pad is farther out the deeper the surface lies in the body. What touches it there, less
+    and less, adds up to what touches an upright wall that stands where this one is halfway up to the surface.
     normals (3, f), offsets (f,) mm: the faces. before: (n,) mm where the line enters what else bounds the body, or
     (0,). Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`.
     """
@@ -251,6 +264,7 @@ def enter(
                 rate[:] = lowest[face]
             for i in range(size):
                 outside = entry[i] * rate[i] + height[i] - offset
+                outside -= min(rate[i], 0.0) * min(entry[i], 0.0) / 2
                 outside /= math.sqrt(max(1 - rate[i] * rate[i], SMALL))
                 farther = (rate[i] >= limit) & (outside > most[i])
                 most[i] = outside if farther else most[i]
@@ -264,13 +278,7 @@ def enter(
             if 2 * most[k] * most[k] > dot(span_u, line, span_u, line) + dot(span_v, line, span_v, line):
                 share[i] = 0.0 if most[k] > 0 else 1.0
                 continue
-            part = along(normals, first, ways, line)
-            steep = math.sqrt(max(1 - part * part, SMALL))
-            share[i], shift[0, i], shift[1, i] = cut(
-                most[k],
-                along(normals, first, span_u, line) / steep,
-                along(normals, first, span_v, line) / steep,
-            )
+            share[i], shift[0, i], shift[1, i] = cut_by(normals, first, lines, line, most[k])
             if not 0 < share[i] < 1:
                 continue
             # A second wall, across the first one (a corner) or behind it (a blade).
@@ -279,17 +287,12 @@ def enter(
                 part = along(normals, face, ways, line)
                 if wall[face] and part >= limit and between(normals, first, face) < _ALIKE:
                     outside = gap[i] * part + along(normals, face, points, i) - offsets[face]
+                    outside -= min(part, 0.0) * min(gap[i], 0.0) / 2
                     outside /= math.sqrt(max(1 - part * part, SMALL))
                     if outside > farthest:
                         second, farthest = face, outside
             if second >= 0:
-                part = along(normals, second, ways, line)
-                steep = math.sqrt(max(1 - part * part, SMALL))
-                further, moved_u, moved_v = cut(
-                    farthest,
-                    along(normals, second, span_u, line) / steep,
-                    along(normals, second, span_v, line) / steep,
-                )
+                further, moved_u, moved_v = cut_by(normals, second, lines, line, farthest)
                 if between(normals, first, second) < -_ALIKE:
                     share[i] = max(share[i] + further - 1, 0.0)
                 else:

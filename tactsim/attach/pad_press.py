@@ -13,7 +13,7 @@ import numpy as np
 from tactsim.attach.geom_gap import FACETED, Body, Pose, among, union_gaps
 from tactsim.attach.layer_balance import approach, balance
 from tactsim.attach.pad_kernels import Carried, Taxels, spread_forces
-from tactsim.attach.pad_surface import Face, Lines, dot, lay_lines, place, stepped
+from tactsim.attach.pad_surface import Face, Lines, dot, lay_lines, place, steps
 from tactsim.core.compiling import Bools1D, Int32s2D, Ints1D, Reals1D, Reals2D, Reals3D, compiled
 
 _LINES = (24, 64)  # of the lattice that is laid over what touches, along each axis: at least and at most
@@ -22,8 +22,10 @@ _LINES_OF_STEPS = 200  # at most, on a surface that may jump, which the lattice 
 _LINES_A_PITCH_OF_STEPS = 25
 _LINES_A_PITCH = 3  # between the two
 _SEARCH = 10  # of the lattices that find what touches
-_SEARCHES = 12
-_WIDER = 4  # fine lattices, each wider than the one before where that had force on a side
+_SEARCHES = 16  # lattices, coarse and fine
+# By so much of its size a lattice is widened on a side that touches, once one was narrowed: less than would be narrowed
+# again, so that a slanting edge is not found by turns too short and too long.
+_AGAIN = 0.3
 _OVER_CHORD = math.pi / 2  # length along a round face over that straight through it, at most
 _POINT = 0.01  # of a pitch: what touches less than this is not looked at more closely
 _MARGIN = 1.0  # mm about the contact points where the search begins
@@ -203,18 +205,12 @@ def sunken(pose: Pose, load: Load, depth: float, turn: Reals1D) -> Pose:
     turning, angle = np.eye(3), math.sqrt((turn**2).sum())
     if angle > 0:
         x, y, z = turn[0] / angle, turn[1] / angle, turn[2] / angle
-        sine, rest = math.sin(angle), 1 - math.cos(angle)  # Rodrigues' formula
-        turning[0] += np.array([rest * (x * x - 1), rest * x * y + sine * z, rest * x * z - sine * y])
-        turning[1] += np.array([rest * x * y - sine * z, rest * (y * y - 1), rest * y * z + sine * x])
-        turning[2] += np.array([rest * x * z + sine * y, rest * y * z - sine * x, rest * (z * z - 1)])
-    rotations, positions = np.zeros_like(pose.rotations), np.empty_like(pose.positions)
-    for geom in range(len(positions)):
-        for i in range(3):
-            positions[geom, i] = load.centre[i] - depth * load.direction[i]
-            for j in range(3):
-                positions[geom, i] += turning[i, j] * (pose.positions[geom, j] - load.centre[j])
-                for k in range(3):
-                    rotations[geom, i, k] += turning[i, j] * pose.rotations[geom, j, k]
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turning += (1 - math.cos(angle)) * (across @ across) - math.sin(angle) * across  # Rodrigues' formula
+    rotations = np.empty_like(pose.rotations)
+    for geom in range(len(rotations)):
+        rotations[geom] = turning @ pose.rotations[geom]
+    positions = (pose.positions - load.centre) @ turning.T + (load.centre - depth * load.direction)
     return Pose(rotations, positions)
 
 
@@ -354,10 +350,12 @@ def fine_lines(
     face: Face, taxels: Taxels, low: Reals1D, high: Reals1D, several: bool
 ) -> tuple[Reals1D, Reals1D]:
     """Lay the edges of the lattice that gives the pressure over what lies between low and high, (2,) mm."""
-    least, most, a_pitch = _LINES_OF_SEVERAL if several else _LINES[0], _LINES[1], _LINES_A_PITCH
-    if stepped(face, low, high):
-        most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
-    count = np.minimum(np.maximum(np.ceil(a_pitch * (high - low) / taxels.pitch), least), most)
+    least, count = float(_LINES_OF_SEVERAL if several else _LINES[0]), np.empty(2)
+    for i in range(2):
+        most, a_pitch = _LINES[1], _LINES_A_PITCH
+        if steps(face, low, high, i):
+            most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
+        count[i] = min(max(np.ceil(a_pitch * (high[i] - low[i]) / taxels.pitch[i]), least), most)
     u = np.linspace(low[0], high[0], int(count[0]) + 1)
     return u, np.linspace(low[1], high[1], int(count[1]) + 1)
 
@@ -366,7 +364,8 @@ def fine_lines(
 def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tuple[Carried, float, bool]:
     """Let the layer carry a load: what it carries, how far it gives way, mm, and whether all that touches was found.
 
-    All forces are 0 where the body touches beside the face alone.
+    A coarse lattice is widened until nothing on its sides touches, then narrowed to what touches. A fine one that takes
+    its place is widened and narrowed, too. All forces are 0 where the body touches beside the face alone.
     """
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for point in place(face, load.points):
@@ -375,63 +374,50 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
     high = np.minimum(np.maximum(high + _MARGIN, face.low), face.high)
     middle = place(face, load.centre.reshape(1, 3))[0]
     carried = Carried(np.zeros((1, 1)), np.zeros((2, 1)), low[:1].copy(), low[:1].copy())
-    if beside(face, load):
+    if beside(face, load) or (high <= low).any():
         return carried, 0.0, True
-    for search in range(_SEARCHES):
-        if (high <= low).any():
-            break
-        before_low, before_high = low, high
+    parts, there, sunk, straight, fine, growth = body, pose, 0.0, 0.0, False, 1.0
+    for _ in range(_SEARCHES):
         u, v = np.linspace(low[0], high[0], _SEARCH + 1), np.linspace(low[1], high[1], _SEARCH + 1)
-        carried, met, moved, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
-        size, cell = high - low, (high - low) / _SEARCH
-        last_one = search == _SEARCHES - 1
-        first, last = np.full(2, float(_SEARCH)), np.full(2, -1.0)
-        for row in range(_SEARCH):
-            for column in range(_SEARCH):
+        if fine:
+            u, v = fine_lines(face, taxels, low, high, len(body.kind) > 1)
+            carried, met, there, sunk, straight = press_cells(face, taxels, parts, there, load, u, v, sunk)
+        else:
+            carried, met, there, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
+        size, cell = high - low, np.array([u[1] - u[0], v[1] - v[0]])
+        first, last = np.full(2, np.inf), np.full(2, -np.inf)
+        for column in range(len(u) - 1):
+            for row in range(len(v) - 1):
                 if carried.forces[column, row] != 0:
                     first[0], last[0] = min(first[0], column), max(last[0], column)
                     first[1], last[1] = min(first[1], row), max(last[1], row)
         if last[0] < 0:  # too small to be seen
             seen = np.minimum(np.maximum(middle, low), high)
-            low, high = np.maximum(seen - cell, low), np.minimum(seen + cell, high)
+            low, high, fine = np.maximum(seen - cell, low), np.minimum(seen + cell, high), False
             continue
-        low, high = low.copy(), high.copy()
-        # What touches, with a cell more on every side, or much more where it reaches the side.
-        grows = False
-        for i in range(2):
-            below = first[i] == 0 and low[i] > face.low[i]
-            above = last[i] == _SEARCH - 1 and high[i] < face.high[i]
-            start = low[i]
-            low[i] = max(start - size[i] if below else start + (first[i] - 1) * cell[i], face.low[i])
-            high[i] = min(high[i] + size[i] if above else start + (last[i] + 2) * cell[i], face.high[i])
-            grows |= below or above
-        if grows and not last_one:
+        below = (first == 0) & (low > face.low)
+        above = (last == np.array([len(u) - 2, len(v) - 2])) & (high < face.high)
+        if below.any() or above.any():
+            low = np.maximum(low - growth * size * below, face.low)
+            high = np.minimum(high + growth * size * above, face.high)
             continue
+        # What touches, with as much as a cell of the search on every side.
+        start, margin = low, size / _SEARCH
+        low = np.maximum(start + first * cell - margin, start)
+        high = np.minimum(start + (last + 1) * cell + margin, high)
         if (high - low < _POINT * taxels.pitch).all():
-            break
-        if last_one or (high - low > size / 2).all():
-            if last_one:  # a slanting edge that is found by turns too short and too long
-                low, high = np.minimum(low, before_low), np.maximum(high, before_high)
-            low, high = widen(face, body, moved, sunk, met, low, high)
-            # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
-            parts, moved = among(body, moved, met | (body.kind != FACETED))
-            found = False
-            for _ in range(_WIDER):
-                u, v = fine_lines(face, taxels, low, high, len(body.kind) > 1)
-                carried, _, moved, sunk, _ = press_cells(face, taxels, parts, moved, load, u, v, sunk)
-                forces, wide, found = carried.forces, (high - low) / 2, True
-                below = (forces[0].any(), forces[:, 0].any())
-                above = (forces[-1].any(), forces[:, -1].any())
-                for i in range(2):
-                    if low[i] > face.low[i] and below[i]:
-                        low[i], found = max(low[i] - wide[i], face.low[i]), False
-                    if high[i] < face.high[i] and above[i]:
-                        high[i], found = min(high[i] + wide[i], face.high[i]), False
-                if found:
-                    break
+            return carried, 0.0, True
+        if (high - low < size / 2).any():
+            growth = _AGAIN
+        elif fine:
             # A body that stands on its rim turns, and sinks, without end: that says nothing about the layer.
-            return carried, straight if load.spreads.any() else sunk, found
-    return carried, 0.0, bool(carried.forces.any() or (high <= low).any())
+            return carried, straight if load.spreads.any() else sunk, True
+        else:
+            fine, growth = True, _AGAIN
+            low, high = widen(face, body, there, sunk, met, low, high)
+            # A part of a cell that flat faces bound counts as met; what is round may lie between the lines.
+            parts, there = among(body, there, met | (body.kind != FACETED))
+    return carried, straight if load.spreads.any() else sunk, False
 
 
 @compiled()

@@ -70,7 +70,7 @@ class PadReading:
             line += f"; taxel {int(self.kpa.argmax())} reads most, {self.kpa.max():.1f} kPa"
         if self.outside > _NONE * self.force:
             line += f"; {self.outside:.2f} N acts beside the pad, up to {self.beside_mm:.1f} mm from its rim"
-        return line
+        return line if self.found else line + "; not all that touches was found"
 
 
 class PadReader:

@@ -33,8 +33,8 @@ class Face(NamedTuple):
     kind: FLAT, AROUND a cylinder along y, OVER a sphere, PROJECTED on an ellipsoid, or RELIEF. size: (3,) mm, the
     radius first, or an ellipsoid's half-axes; of a cylinder then where a round end begins, from its middle along y, and
     where the pad's middle is from there. grid: (4,) mm, where a relief's grid begins along x and y and how far its
-    points are apart. relief: (columns, rows, 5), height mm, slopes along x and y, 1 where there is a surface, and
-    how often it jumps between geoms up to there in both x and y.
+    points are apart. relief: (columns, rows, 6), height mm, slopes along x and y, 1 where there is a surface, and
+    how often it jumps between geoms along x, and along y, up to there in both.
     low, high: (2,) mm, where the face ends in (u, v). depth: mm of the geom below the face; no contact reaches deeper.
     """
 
@@ -84,7 +84,7 @@ class PadSurface:
 def _face(kind: int, size: FloatArray | float, low: FloatArray, high: FloatArray, depth: float) -> Face:
     """Describe a face that is no relief."""
     half = np.full(3, float(size)) if isinstance(size, float) else np.array(size, dtype=float)
-    grid, relief = np.zeros(4), np.zeros((1, 1, 5))
+    grid, relief = np.zeros(4), np.zeros((1, 1, 6))
     return Face(kind, half, grid, relief, low.astype(float), high.astype(float), float(depth))
 
 
@@ -232,17 +232,18 @@ def lay_lines(face: Face, u: Reals1D, v: Reals1D, du: float, dv: float) -> Lines
 
 
 @compiled(called_from_python=False)
-def stepped(face: Face, low: Reals1D, high: Reals1D) -> bool:
-    """Tell whether a relief jumps between geoms within low and high, (2,) mm: by its jumps before the four corners."""
+def steps(face: Face, low: Reals1D, high: Reals1D, along: int) -> bool:
+    """Tell whether a relief jumps along x or y (0, 1) within low and high, (2,) mm: by its jumps before the corners."""
     if face.kind != RELIEF:
         return False
-    jumps, first, last = face.relief[:, :, 4], np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
+    jumps = face.relief[:, :, 4 + along]
+    first, last = np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
     for i in range(2):
         most = jumps.shape[i] - 1
         first[i] = min(max(math.floor((low[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
         last[i] = min(max(math.ceil((high[i] - face.grid[i]) / face.grid[2 + i]), 0), most)
-    along_x = jumps[last[0], last[1]] - jumps[first[0], last[1]]
-    return along_x > jumps[last[0], first[1]] - jumps[first[0], first[1]]
+    far = jumps[last[0], last[1]] - jumps[first[0], last[1]]
+    return far > jumps[last[0], first[1]] - jumps[first[0], first[1]]
 
 
 @compiled()

@@ -2,6 +2,7 @@
 
 import copy
 import warnings
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -256,6 +257,7 @@ def test_a_load_beside_the_pad_is_named_by_its_distance():
     assert inside.beside_mm == 0
     assert "reads most" in str(inside)
     assert "beside" not in str(inside)
+    assert str(replace(inside, found=False)) == f"{inside}; not all that touches was found"
 
 
 def test_a_pad_is_felt_alike_on_a_body_that_moves():
