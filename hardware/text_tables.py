@@ -42,7 +42,7 @@ def cells_of(lines: Iterable[str], separator: str, path: object = "it") -> Itera
     reader = csv.reader(whole, delimiter=separator, skipinitialspace=True)
     try:
         for row in reader:
-            yield reader.line_num, [cell.strip() for cell in row]
+            yield reader.line_num, [cell.strip().replace("\u2212", "-") for cell in row]  # a printed minus
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
 
@@ -53,8 +53,12 @@ def title_cells(line: str) -> list[str]:
 
 
 def has_decimal_commas(cells: Iterable[str], separator: str) -> bool:
-    """Tell whether numbers of a table have decimal commas."""
-    return separator != "," and any("," in cell and _DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    """Tell whether numbers of a table have decimal commas: between commas in quotes, and then none has a point."""
+    cells = list(cells)
+    found = any("," in cell and _DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    return found and (
+        separator != "," or not any("." in cell and _DECIMAL_POINT.fullmatch(cell) for cell in cells)
+    )
 
 
 def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[str]:
@@ -62,7 +66,7 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
 
     A point beside them may be one of thousands: such a cell is no number.
     """
-    if not (commas or has_decimal_commas(cells, separator)):
+    if not (commas or (separator != "," and has_decimal_commas(cells, separator))):
         return cells
     return [
         f"{cell} among decimal commas" if "." in cell and _DECIMAL_POINT.fullmatch(cell)
@@ -117,12 +121,22 @@ def unit_since_1970(times: ArrayLike) -> float | None:
 def check_taxel_names(names: Sequence[str], unit: str) -> None:
     """Raise InputError if the names of columns tell that these are not the taxels in their order, along the rows.
 
-    `t0 t1 t2`, `r0c0 r0c1 r1c0` and `x0y0 x1y0 x0y1` rise. Beside names with numbers one without is no taxel's. A unit
-    behind all of them, as in `S1 [N]`, is `unit`, or that is count.
+    `t0 t1 t2`, `r0c0 r0c1 r1c0`, `x0y0 x1y0 x0y1` and `A B C` rise; of `A1 A2 B1 B2` nobody knows whether letters are
+    rows. Beside names with numbers one without is no taxel's. A unit behind all of them, as in `S1 [N]`, is `unit`, or
+    that is count.
     """
     stated = {found and found[1] for found in map(_UNIT_BEHIND.search, names)}
     if unit != "count" and len(stated) == 1 and not stated & {None, unit}:
         raise InputError(f"columns {names[0]} ... are not in {unit}; count keeps numbers as they are")
+    letters = [name[0].upper() for name in names if re.fullmatch(r"[A-Za-z]\d*", name)]
+    alphabet = [chr(65 + at) for at in range(len({*letters}))]
+    if len(letters) == len(names) and len(alphabet) > 1 and sorted({*letters}) == alphabet:
+        said = f"columns {', '.join(names[:4])} ..."
+        if len(names) == len(alphabet) ** 2:
+            raise InputError(f"{said}: letters may be rows or columns; call the taxels r1c1, r1c2 ...")
+        if len(names) == len(alphabet) and letters != alphabet:
+            raise InputError(f"{said} are in no order of taxels, which go along the rows")
+    names = [f"{name}.0" if f"{name}.1" in names else name for name in names]  # as pandas counts equal names
     numbers = [[int(number) for number in re.findall(r"\d+", name)] for name in names]
     kinds = [re.sub(r"\d+", "#", name) for name in names]
     if len(_OF_A_TAXEL.intersection(map(str.lower, names))) > 1:
@@ -133,7 +147,9 @@ def check_taxel_names(names: Sequence[str], unit: str) -> None:
         return
     odd = [name for name, number in zip(names, numbers, strict=True) if not number]
     if odd and any(kinds.count(kind) > 1 for kind in kinds if "#" in kind):
-        raise InputError(f"column {odd[0]!r} beside {', '.join(names[:3])} ... is no taxel; leave it out")
+        raise InputError(
+            f"column {odd[0]!r} has no number as others have: leave it out if it is no taxel, or number the taxels"
+        )
     rows_last = re.match(r"(x|c|col|column)[\W_]*#.*#", kinds[0], re.IGNORECASE)
     order = [number[::-1] for number in numbers] if rows_last else numbers
     if len({*kinds}) == 1 and order != sorted(order):

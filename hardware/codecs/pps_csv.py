@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
-from itertools import chain, islice
+from itertools import islice
 from statistics import mode
 from typing import Literal
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.finite import LARGEST
-from tactsim.core.idle import failed_cells, unwrapped
+from tactsim.core.idle import failed_cells, mending, unwrapped
 from tactsim.core.poses import FloatArray
 from tactsim.hardware import text_tables
 from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
@@ -41,7 +41,10 @@ _TIMES = {
     "usec",
 }
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
-_CLOCK = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(?: ?([AaPp])[Mm]|Z)?")
+# Of a date that is not in ISO 8601 nobody knows the month; the time of day is enough.
+_CLOCK = re.compile(
+    r"(?:\d\d?[./-]\d\d?[./-]\d{4},? )?(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+|:\d{3})?)(?: ?([AaPp])[Mm]|Z)?"
+)
 _DAY = 86_400.0  # s
 # Units of time as people write them, once blanks, points and case are gone: `mSec`, `Milli Sec.`, `µs`.
 _SECOND = "(?:s|secs?|seconds?)"
@@ -55,6 +58,7 @@ _UNITS = {
     "days?": _DAY,
 }
 _TIME_WORD = re.compile(r"(?:datetime|timestamp|time|elapsed|x_value|t(?![a-z]))[^a-zµμ]*", re.IGNORECASE)
+_LATEST = 4e9  # s since 1970, in 2096
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 _BY_STEP = (
     (1e-5, "days", _DAY),
@@ -131,20 +135,34 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     separator, time = text_tables.separator_of(head[line]), _time_at(titles[line])
     samples = [*head[line + 1 :], *texts]
     cells_of_lines = [cells for _, cells in text_tables.cells_of(samples, separator)]
-    of_taxels = (cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time)
+    of_taxels = [cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time]
     thousands = text_tables.thousands_mark(of_taxels) or ""
-    of_times = (cells[time] for cells in cells_of_lines if len(cells) > time)
-    commas = text_tables.has_decimal_commas(of_times if thousands else chain(*cells_of_lines), separator)
+    of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
+    of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
+    decimals = ([] if of_hours else of_times) + ([] if thousands else of_taxels)
+    commas = text_tables.has_decimal_commas(decimals, separator)
+    titles[line] = _with_units(titles[line], cells_of_lines[0] if cells_of_lines else [], time)
+    for column in range(time):
+        of_boards = {(cells[column], cells[time]) for cells in cells_of_lines if len(cells) > time}
+        boards = sorted({board for board, _ in of_boards} - {titles[line][column]})
+        if 1 < len(boards) < 20 and 2 * len(of_boards) > 3 * len({*of_times}):
+            raise CodecError(
+                f"column {titles[line][column]!r} says {', '.join(boards[:3])} at the same times: lines of several "
+                "boards; write a file for each"
+            )
 
     def numbers(text: str) -> FloatArray | None:
         """Read the time and the taxels of a frame; None if a cell is no number, or the time is NaN."""
         try:
             ((_, cells),) = text_tables.cells_of([text], separator)
             cells = cells[time:] + cells[:time] * (len(cells) == time + 1)
-            filled = [cells[0], *(cell.replace(thousands, "") or "nan" for cell in cells[1:])]
+            filled = [
+                cells[0].replace(of_hours, ""),
+                *(cell.replace(thousands, "") or "nan" for cell in cells[1:]),
+            ]
             first, *others = text_tables.with_points(filled, separator, commas)
             row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
-        except ValueError:
+        except (ValueError, IndexError):  # a line that ends before the time
             return None
         # A clock since 1970 in ns is larger than any reading may be.
         return row if np.isfinite(row[0]) and not (np.abs(row[1:]) > LARGEST).any() else None
@@ -154,13 +172,14 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
     if width < 2:
         but = f", but {samples[0].strip()[:60]!r}" if samples else ""
-        raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of numbers{but}")
+        raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of readings{but}")
     names = [*(titles[line][time + 1 :] or titles[line][:time]), *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
-    whole[:, 1:], wrapped = unwrapped(whole[:, 1:])
+    stored = whole[:, 1:].copy()
+    whole[:, 1:], wrapped = unwrapped(stored)
     for row, mended in zip((row for row in rows if len(row) == width), whole, strict=True):
         row[:] = mended
     failed = np.asarray(failed_cells(whole[:, 1:]).any(axis=1))
@@ -173,7 +192,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         remark = f"taxel {lost}: NaN in every line, which counts as 0: never pressed{also}"
     if wrapped:
         also = f"; {remark}" if remark else ""
-        remark = f"{wrapped:,} counts below 0 were stored without a sign, 65535 for -1, and are mended{also}"
+        remark = f"{mending(stored, wrapped)}{also}"
     if failed.any():
         also = f"; {remark}" if remark else ""
         remark = f"{failed.sum():,} of {len(failed):,} lines have a failed cell, as 65535 is, and are left out{also}"
@@ -199,6 +218,10 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         raise CodecError(
             f"all {len(times)} lines have one time, {clock[0]:g}: it does not say when a press was; write their times"
         )
+    again = int((np.diff(times) == 0).sum())
+    if 2 * again > len(times):
+        said = f"{again} of {len(times)} lines have the time of the line before: the clock is coarser than the lines"
+        remark = f"{remark}; {said}" if remark else said
     order = _order(times)
     if order is not None:
         placed = [frame for frame in every if isinstance(frame, Frame)]
@@ -243,7 +266,17 @@ def _of_day(text: str) -> float:
         return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
     hours, minutes, seconds, half = found.groups()
     hour = int(hours) if half is None else int(hours) % 12 + 12 * (half in "Pp")
-    return 3600 * hour + 60 * int(minutes) + float(seconds.replace(",", "."))
+    return 3600 * hour + 60 * int(minutes) + float(re.sub("[,:]", ".", seconds))
+
+
+def _with_units(title: Sequence[str], below: Sequence[str], time: int) -> list[str]:
+    """Write the units of a line below the title into it, where that line says one of time and no number."""
+    units = [unit.strip("[]() ") for unit in below]
+    known = len(units) > time and any(re.fullmatch(form, units[time].lower()) for form in _UNITS)
+    if not known or any(character.isdigit() for character in "".join(units)):
+        return [*title]
+    units += [""] * len(title)  # empty cells at the end of a line are gone
+    return [f"{name} [{unit}]" if unit else name for name, unit in zip(title, units, strict=False)]
 
 
 def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
@@ -251,16 +284,22 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
     bracketed = re.search(r"[\[(]([^\])]*)[\])]", title)
     inside = bracketed[1] if bracketed else ""
     behind = _TIME_WORD.sub("", title.replace(f"{bracketed[0]}" if bracketed else "\0", ""))
+    if re.match(r"\W*\d", inside):
+        raise CodecError(f"the title's unit of time is {inside.strip()!r}; write the times in s, ms or us")
+    since = text_tables.unit_since_1970(times)
     for text in (inside, behind, *re.split(r"[\W_]+", behind)):
         unit = re.sub(r"[^\w\ufffd]|[\d_]", "", text).lower()  # a mark for what the encoding lost stays
         found = next((seconds for form, seconds in _UNITS.items() if re.fullmatch(form, unit)), None)
         if found is not None:
+            if since is not None and found * max(times) > _LATEST:
+                raise CodecError(
+                    f"the title {title!r} and {max(times):g}, which is a time since 1970 in other units, differ"
+                )
             return found, None
     if re.fullmatch(r"\s*\w+\s*", inside):
         raise CodecError(
             f"the title's unit of time is {inside.strip()!r}; known are s, ms, us, ns, min, h, days"
         )
-    since = text_tables.unit_since_1970(times)
     if since is not None:
         names = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
         return since, f"the time is read as {names[since]} since 1970, by its size"

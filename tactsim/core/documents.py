@@ -75,8 +75,12 @@ def parse_json(content: str | bytes, where: str) -> dict[str, Any]:
 
 
 def encoding_of(start: bytes) -> str:
-    """Name the encoding of a text by its first two bytes or more."""
-    return "utf-16" if start.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
+    """Name the encoding of a text by its first two bytes or more; no text begins with a byte of 0 otherwise."""
+    if start.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return "utf-16"
+    return {b"\0": "utf-16-be", b"": "utf-8-sig"}.get(
+        start[:1], "utf-16-le" if start[1:2] == b"\0" else "utf-8-sig"
+    )
 
 
 def _text(content: bytes, where: str) -> str:

@@ -33,6 +33,7 @@ _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is presse
 # Numbers that devices and programs write for what they could not measure: ends of 16 and 32 bits, and nines.
 _NO_READING = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1}
 _NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
+_OVER = 16  # times as wide as beyond the end of 16 bits is the gap between counts that left them, and others
 _SELDOM = 0.05  # the most of its cells that fail where a taxel does not
 _DRIFTS = 0.1  # of the typical rise
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
@@ -112,24 +113,39 @@ def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
 
 
 def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
-    """Give readings (n, taxels) with counts below 0 that were stored without a sign, 65530 for -6, as they were.
+    """Give readings (n, taxels) that left the range of 16 bits, 65530 for -6 or -32766 for 32770, as they were.
 
-    So they are if all are whole numbers of 16 bits, more than half of their range is empty, and a taxel reads now
-    below and now above the gap: at 65535 and two numbers more, at least, for one alone may be that of failed cells.
-    Returns how many these were, too.
+    Such are whole numbers with a gap between, an eighth of the range (a half where none is below 0), and hardly one
+    from the largest over the end of the range to the least; a taxel reads now below and now above it. One number alone
+    may be that of failed cells, unless most taxels often read it and the others beside it. Returns how many left it.
     """
     values = np.array(readings, dtype=float)
     numbers = np.unique(values[~np.isnan(values)])
-    if len(numbers) < 2 or numbers[0] < 0 or (numbers % 1).any():
+    if len(numbers) < 2 or (numbers % 1).any() or np.ptp(numbers) >= 2**16:
         return values, 0
+    signed = numbers[0] < 0
     widest = int(np.diff(numbers).argmax())
-    low, high = numbers[widest], numbers[widest + 1 :]
-    if not (len(high) > 2 and high[0] - low > 2**15 and high[-1] == 2**16 - 1):
+    low, high = numbers[widest : widest + 2]
+    over = numbers[0] + 2**16 - numbers[-1]  # from the largest to the least, beyond the end of the range
+    if high - low <= 2 ** (13 if signed else 15) or _OVER * over > high - low:
         return values, 0
-    above = values > low
-    above &= (values <= low).any(axis=0)
-    values[above] -= 2**16
-    return values, int(above.sum())
+    away = (
+        (values <= low if signed else values >= high)
+        & (values <= low).any(axis=0)
+        & (values >= high).any(axis=0)
+    )
+    alone = (widest + 1 if signed else len(numbers) - widest - 1) == 1
+    if alone and (over > _OVER or (away.mean(axis=0) > _SELDOM).mean() <= 0.5):
+        return values, 0
+    values[away] += 2**16 if signed else -(2**16)
+    return values, int(away.sum())
+
+
+def mending(readings: ArrayLike, count: int) -> str:
+    """Say which counts of readings (n, taxels) `unwrapped` mends."""
+    if np.nanmin(np.asarray(readings)) < 0:
+        return f"{count:,} counts above 32767 were stored with a sign, -32768 for 32768, and are mended"
+    return f"{count:,} counts below 0 were stored without a sign, 65535 for -1, and are mended"
 
 
 def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:
@@ -216,17 +232,14 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Counts below 0 that were stored without a sign are mended and presses with failed cells left
+    (n, taxels) instead. Counts that left 16 bits are mended and presses with failed cells left
     out, unless "off"; where what taxels read at rest drifts from press to press, it is said. Raises InputError for
     another word, for frames of another pad, and if no press is left.
     """
     mended, wrapped = unwrapped(scan.readings)
     if wrapped and zero != "off":
         taken, said = settled(replace(scan, readings=mended), zero, frames)
-        return (
-            taken,
-            f"{wrapped:,} counts below 0 were stored without a sign, 65535 for -1, and are mended; {said}",
-        )
+        return taken, f"{mending(scan.readings, wrapped)}; {said}"
     failed = failed_cells(scan.readings)
     whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
     lost = int((~whole).sum())

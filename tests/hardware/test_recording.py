@@ -277,6 +277,7 @@ US = [str(20_000 * k) for k in range(250)]
                      ";", above="Start Time;06/05/2026 09:57:19\n\n", behind=";"),
         vendor_table("Pressure (\N{MICRO SIGN}V)\nTime [\N{MICRO SIGN}s],a,b,c,d", US).encode("latin-1"),
         vendor_table("Time [s]\ta\tb\tc\td", S, "\t").encode("utf-16"),
+        vendor_table("Time [s]\ta\tb\tc\td", S, "\t").encode("utf-16-le"),  # without its mark
         vendor_table("# time a b c d", S, " ", above="# at any time\n"),
         vendor_table(",TimeMs,a,b,c,d", [f"{k},{time}" for k, time in enumerate(MS)]),
         vendor_table("%time,field.data0,b,c,d", [f"{1_700_000_000_000_000_000 + 20_000_000 * k}" for k in range(250)]),
@@ -328,11 +329,11 @@ def test_a_csv_whose_title_names_no_unit_of_time_says_what_it_was_read_as(tmp_pa
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (vendor_table("Time,a,b,c,d", ["27/11/2026 04:00:00"] * 9).encode(), "but '27/11/2026 04:00:00,"),
+        (vendor_table("Time,a,b,c,d", ["27/11/26 04:00:00"] * 9).encode(), "but '27/11/26 04:00:00,"),
         (b"Time [fortnights],a,b,c,d\n0,1,2,3,4\n", "unit of time is 'fortnights'; known are s, ms"),
-        (TITLE.encode(), "stands no line of numbers"),
+        (TITLE.encode(), "stands no line of readings"),
         (b"Time [ms],R1C1,R2C1,R1C2,R2C2\n0,1,2,3,4\n", "R1C1, R2C1, R1C2, R2C2 ... are in no order"),
-        (b"Time [ms],N,Elem0,Elem1,Elem2\n0,1,2,3,4\n", "column 'N' beside N, Elem0, Elem1 ... is no taxel"),
+        (b"Time [ms],N,Elem0,Elem1,Elem2\n0,1,2,3,4\n", "column 'N' has no number as others have"),
         (
             "Time,1 [N/cm²],2 [N/cm²],3 [N/cm²],4 [N/cm²]\n0,1,2,3,4\n".encode(),
             r"1 \[N/cm²\] ... are not in kPa",

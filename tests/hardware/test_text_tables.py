@@ -1,5 +1,6 @@
 """Numbers and times as people write them: units, orders of lines, marks between thousands."""
 
+import re
 from itertools import chain
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from tactsim.core import InputError
 from tactsim.hardware.codecs.codec import CodecError, Frame
 from tactsim.hardware.codecs.pps_csv import read_table
-from tactsim.hardware.text_tables import thousands_mark, unit_since_1970
+from tactsim.hardware.text_tables import check_taxel_names, thousands_mark, unit_since_1970
 
 
 def table(title, times, separator=","):
@@ -132,3 +133,107 @@ def test_counts_below_0_without_a_sign_are_mended_in_a_recording():
     _, frames, remark = read_table(iter(["Time [ms], Elem0, Elem1", *lines]))
     assert [frame.values[0] for frame in frames] == counts
     assert f"{sum(count < 0 for count in counts)} counts below 0" in remark
+
+
+def test_counts_above_15_bits_that_were_stored_with_a_sign_are_mended_in_a_recording():
+    counts = [30_000 + 97 * at for at in range(60)]
+    stored = [(count + 2**15) % 2**16 - 2**15 for count in counts]
+    lines = [f"{40 * at}, {count}, {stored[-1 - at]}" for at, count in enumerate(stored)]
+    _, frames, remark = read_table(iter(["Time [ms], Elem0, Elem1", *lines]))
+    assert [list(frame.values) for frame in frames] == [
+        [a, b] for a, b in zip(counts, counts[::-1], strict=True)
+    ]
+    assert (
+        f"{2 * sum(count > 32767 for count in counts)} counts above 32767 were stored with a sign" in remark
+    )
+
+
+def test_counts_of_no_more_than_1_below_0_are_mended_where_most_taxels_read_them():
+    idle = np.random.default_rng(0).integers(-1, 2, (60, 4))
+    lines = [", ".join(map(str, [40 * at, *row])) for at, row in enumerate(idle % 2**16)]
+    _, frames, _ = read_table(iter(["Time [ms], a, b, c, d", *lines]))
+    assert np.array_equal([frame.values for frame in frames], idle)
+
+
+STEPS = 0.04 * np.arange(60)  # s
+
+
+@pytest.mark.parametrize("mark", [",", ".", " ", "'", "\u00a0"])
+def test_times_have_marks_between_thousands_too(mark):
+    times = [f"{round(1000 * time):,}".replace(",", mark) for time in STEPS]
+    lines = [f"{time};{at};7" for at, time in enumerate(times)]
+    assert [frame.ticks for frame in frames_of(["Time [ms];a;b", *lines])] == pytest.approx(STEPS)
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("s", 1), ("[ms]", 1e-3), ("(min)", 60), ("us", 1e-6)])
+def test_a_line_of_units_below_the_title_says_them(unit, seconds):
+    lines = [f"{time / seconds:.6f},{at},7" for at, time in enumerate(STEPS)]
+    names, frames, _ = read_table(iter(["Time,a,b", f"{unit},N,N", *lines]))
+    assert [frame.ticks for frame in frames if isinstance(frame, Frame)] == pytest.approx(STEPS, abs=1e-4)
+    assert names == ["a [N]", "b [N]"]
+
+
+@pytest.mark.parametrize(
+    ("form", "mark"), [("28.11.2026 12:00:{}", "."), ("11/28/2026 12:00:{} PM", "."), ("12:00:{}", ":")]
+)
+def test_a_time_of_day_behind_any_date_is_read(form, mark):
+    texts = (form.format(f"{time:06.3f}".replace(".", mark)) for time in STEPS)
+    lines = [f"{text};{at};7" for at, text in enumerate(texts)]
+    assert [frame.ticks for frame in frames_of(["time;a;b", *lines])] == pytest.approx(STEPS)
+
+
+def test_decimal_commas_in_quotes_stand_between_commas():
+    lines = [f'"{time:.2f}","{at / 2:.1f}","0.5"'.replace(".", ",") for at, time in enumerate(STEPS)]
+    frames = frames_of(["Time [s],a,b", *lines])
+    assert [(frame.ticks, *frame.values) for frame in frames] == [
+        (pytest.approx(time), at / 2, 0.5) for at, time in enumerate(STEPS)
+    ]
+
+
+def test_a_printed_minus_is_one_and_a_line_that_ends_before_the_time_is_none():
+    lines = [f"{at},{time:.2f},\u2212{at},7" for at, time in enumerate(STEPS)]
+    frames = frames_of(["sample,Time [s],a,b", *lines[:30], "end", *lines[30:]])
+    assert [frame.values[0] for frame in frames] == [-at for at in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (["time_s,a,b", *(f"{1.75e12 + 40 * at:.0f},1,2" for at in range(9))], "since 1970 in other units"),
+        (
+            ["time (10 us),a,b", *(f"{4000 * at},1,2" for at in range(9))],
+            "unit of time is '10 us'; write the times in",
+        ),
+        (
+            ["board,time_s,a,b", *(f"{at % 2},{at // 2},1,2" for at in range(18))],
+            "column 'board' says 0, 1 at the same times: lines of several boards",
+        ),
+    ],
+)
+def test_times_that_would_be_read_wrong_are_refused(lines, says):
+    with pytest.raises(CodecError, match=re.escape(says)):
+        read_table(iter(lines))
+
+
+def test_a_clock_coarser_than_the_lines_is_said():
+    _, _, remark = read_table(iter(["time_s,a,b", *(f"{at // 25},1,2" for at in range(100))]))
+    assert remark == "96 of 100 lines have the time of the line before: the clock is coarser than the lines"
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        (["A1", "A2", "B1", "B2"], "letters may be rows or columns"),
+        (["C", "A", "B"], "in no order of taxels"),
+        (["p1", "p2", "total"], "column 'total' has no number as others have"),
+        (["force", "force.1", "force.2"], None),  # as pandas counts equal names
+        (["A", "B", "C", "D"], None),
+        (["a1", "a2", "a3", "b1", "b2", "b3"], None),
+    ],
+)
+def test_names_of_taxels_say_their_order_or_do_not(names, says):
+    if says is None:
+        check_taxel_names(names, "count")
+        return
+    with pytest.raises(InputError, match=says):
+        check_taxel_names(names, "count")
