@@ -100,7 +100,7 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p1,p10,p2,p3,p4,p5"), *ROWS], "line 2: columns p1, p10, p2, .* no order"),
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "r0c0,r1c0,r0c1,r1c1,r0c2,r1c2"), *ROWS], "r0c0, r1c0, .* no order"),
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "x0y0,x0y1,x1y0,x1y1,x2y0,x2y1"), *ROWS], "x0y0, x0y1, .* no order"),
-        ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p0,p1,p2,p3,p4,celsius"), *ROWS], "'celsius' has no number as others have"),
+        ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p0,p1,p2,p3,p4,celsius"), *ROWS], "'celsius' has no number as others"),
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p0 (V),p1 (V),p2 (V),p3 (V),p4 (V),p5 (V)"), *ROWS], "not in N; count"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a finite number, got ''; a dead taxel may"),
         ([TITLE + ",t6", ROWS[0] + ",1"], "line 2: 7 columns of taxels, t0, t1, t2 ..., and the pad has 6"),
