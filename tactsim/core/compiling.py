@@ -26,9 +26,8 @@ from tactsim.core.errors import InputError, counted
 from tactsim.core.source_digest import package_digest
 
 try:
+    import numba
     from numba import boolean, float32, float64, int8, int16, int32, int64, njit, types
-    from numba.core import config as _config
-    from numba.core.caching import NullCache
 except ValueError as wrong:  # as of NUMBA_NUM_THREADS=0
     settings = ", ".join(f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_"))
     raise InputError(
@@ -62,7 +61,7 @@ Bools1D = Annotated[NDArray[np.bool_], boolean[::1]]
 # Arrays of others that are only looked at: those that may not be written are taken too.
 GivenReals1D = Annotated[Reals, types.Array(float64, 1, "C", readonly=True)]
 GivenReals2D = Annotated[Reals, types.Array(float64, 2, "C", readonly=True)]
-config: Any = _config
+config: Any = numba.config
 _SCALARS = {float: float64, int: int64, bool: boolean, type(None): types.void}
 
 HOLDS_KERNELS = b"\nfrom tactsim.core.compiling import "  # what a file with compiled functions holds
@@ -105,7 +104,7 @@ def compiled(
             vars(dispatcher).pop("_compile_for_args", None)
             vars(dispatcher).pop("get_call_template", None)
             if not dispatcher.overloads:
-                _compile(dispatcher, function)
+                _compile(dispatcher, function, choices)
             return dispatcher
 
         _waiting.append((function.__module__, compile_now))
@@ -133,7 +132,7 @@ def compile_waiting(of: str) -> None:
         )
 
 
-def _compile(dispatcher: Any, function: Callable[..., Any]) -> None:
+def _compile(dispatcher: Any, function: Callable[..., Any], choices: dict[str, Any]) -> None:
     """Load a function from the folder of what is kept, or compile it and keep it there if that is possible."""
     *arguments, returned = (numba_type(hint) for hint in _hints(function))
     signature = returned(*arguments)
@@ -144,18 +143,20 @@ def _compile(dispatcher: Any, function: Callable[..., Any]) -> None:
             dispatcher.enable_caching()
         finally:
             config.CACHE_DIR = users
+    made = dispatcher
     try:
         dispatcher.compile(signature)
     except Exception as error:  # what a power failure has left of a file may raise anything when it is loaded
         if not dispatcher.overloads:
             if folder is not None:
                 shutil.rmtree(folder, ignore_errors=True)
-            dispatcher._cache = NullCache()
-            dispatcher.compile(signature)
+            made = njit(**choices)(function)  # which keeps nothing
+            made.compile(signature)
+            dispatcher.add_overload(made.overloads[signature.args])
         elif not isinstance(error, OSError):  # it is compiled, and could not be written: the disk is full
             raise
         folder = None
-    if dispatcher.stats.cache_misses:
+    if made.stats.cache_misses:
         _say_why_it_takes_long(".".join(function.__module__.split(".")[:-1][:2]), folder is not None)
     dispatcher.disable_compile()
 
