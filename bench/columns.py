@@ -20,13 +20,12 @@ from tactsim.bench import kinds
 from tactsim.bench.config import EACH
 from tactsim.bench.kinds import Kind
 from tactsim.bench.trials import NOT_TAKEN, Trials, sure_enough
-from tactsim.core import InputError, rigid
+from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.errors import short
 from tactsim.core.finite import finite
 from tactsim.core.npz import read_npz
-from tactsim.core.poses import FloatArray
-from tactsim.core.rigid import checked_poses
+from tactsim.core.poses import POSE, FloatArray
 from tactsim.core.scan import is_label
 
 Table = dict[str, NDArray[Any]]  # (rows,) each
@@ -127,7 +126,11 @@ def trials_of(
     def poses(before: str) -> FloatArray:
         found = np.stack([table[f"{before}{name}"].astype(float) for name in kind.pose], axis=-1)
         found = found.reshape(*shape, -1)
-        return checked_poses(found, f"{before}pose") if kind.pose == rigid.POSE else found
+        if kind.pose == POSE:
+            return found
+        from tactsim.core.rigid import checked_poses
+
+        return checked_poses(found, f"{before}pose")
 
     begins = {name: before for before, name in kind.poses.items()}
     truth = table["truth"][::readings]

@@ -32,7 +32,6 @@ from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, Options, create
 from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.registry import load
-from tactsim.press import forward_model
 
 PARTS = 8  # of the trials, for each process: none waits long for the last of another
 
@@ -70,7 +69,7 @@ def perform(
         # Workers fit while this process does: its estimator's maps are shown, and with one job it does the trials.
         sent = None if executor is None else send_trials(executor, plan, tasks, PARTS * jobs)
         progress("map", 0, 1)
-        fit(fitted, gathered.scan, forward_model)
+        fit(fitted, gathered.scan, plan.forward)
         progress("map", 1, 1)
         trying = perf_counter()
         if sent is None:

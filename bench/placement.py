@@ -20,12 +20,12 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
 from tactsim.bench.config import RECORDING
-from tactsim.core import InputError, Scan, compose, invert, poses, rigid, transform, wrap_angle
+from tactsim.core import InputError, Scan, compose, invert, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.core.poses import FloatArray
+from tactsim.core.poses import FloatArray, algebra
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
 
@@ -303,7 +303,7 @@ def normalised_error(samples: PoseSamples, near: FloatArray, true: FloatArray, o
     (3,) or (7,) are those of the object's symmetry that lie nearest to `near`, and numbers that it leaves free do not
     count. NaN of a belief without a width but that of rounding; at most `LARGEST`, which a run's table may hold.
     """
-    group = poses if samples.poses.shape[1] == len(poses.POSE) else rigid
+    group = algebra(samples.poses.shape[1])
     folded = of.alike(np.concatenate([samples.poses, true[None]]), near)
     mean, covariance = PoseSamples(folded[:-1], samples.weights).moments(near)
     away = group.log(group.compose(folded[-1], group.invert(mean)))

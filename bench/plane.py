@@ -41,12 +41,13 @@ from tactsim.core.seeds import stream
 from tactsim.estimators import Estimator
 from tactsim.estimators.likelihoods.occupancy import maps_of
 from tactsim.estimators.options import FilterOptions, wants_pad_fit
-from tactsim.press import ScanOptions, forward_model, scan_letters
+from tactsim.press import ScanOptions, scan_letters
 from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
 
 if TYPE_CHECKING:
     from tactsim.bench.runs.figures import Picture
+    from tactsim.core.forward import ForwardModel
     from tactsim.estimators.pad_fit import PadFit
 
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
@@ -80,6 +81,12 @@ class _About(AnyAbout):
     classifier_agreement: float | None
     source: str
     slip: str = ""
+
+
+def _forward_model(scan: Scan) -> ForwardModel:
+    from tactsim.press import forward_model  # for the few estimators that press by themselves
+
+    return forward_model(scan)
 
 
 class Plane(Kind):
@@ -205,7 +212,7 @@ class Plane(Kind):
 
             press = OnDemand(config.scan_options)
         rules = TrialRules.of(config, press)
-        return TrialPlan(config.estimator, config.options, scan, rules, forward_model, given, objects)
+        return TrialPlan(config.estimator, config.options, scan, rules, _forward_model, given, objects)
 
     def hide(self, scan: Scan, rng: np.random.Generator) -> FloatArray:
         """Draw robot_in_object (3,); see `trials.draw_true_pose`."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import groupby
 from time import process_time
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ from tactsim.bench.placement import Placement, certainty, poses_unknown, propert
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.compiling import compile_waiting
 from tactsim.core.errors import short
-from tactsim.core.forward import ForwardModel
 from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
@@ -37,6 +36,9 @@ from tactsim.core.workers import batches, wait_for
 from tactsim.estimators import NONE, Estimate, Estimator, create
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
 from tactsim.estimators.registry import load
+
+if TYPE_CHECKING:
+    from tactsim.core.forward import ForwardModel
 
 _ANSWERED = (
     "p_truth",

@@ -8,18 +8,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.core import InputError, Scan, poses, rigid
+from tactsim.core import InputError, Scan
 from tactsim.core.checking import Settings
 from tactsim.core.errors import short, was_interrupt
 from tactsim.core.finite import LARGEST, finite
-from tactsim.core.forward import ForwardModel
-from tactsim.core.poses import POSE, FloatArray
-from tactsim.core.rigid import POSE as POSE_IN_SPACE
+from tactsim.core.poses import POSE, FloatArray, algebra
+
+if TYPE_CHECKING:
+    from tactsim.core.forward import ForwardModel
 
 NONE = "none"  # the label of an object that is none of the known letters
 _MEAN_STEPS = 4  # to the mean of poses; each leaves about the square of the error before, in units of a turn
@@ -45,7 +46,7 @@ class PoseSamples:
         Deviations are in the Lie algebra: pose = exp(deviation) mean, [x, y, theta] or [x, y, z, about x, about y,
         about z], mm and rad, along the object's own axes. The mean is the pose about which they sum to 0.
         """
-        group = poses if self.poses.shape[1] == len(POSE) else rigid
+        group = algebra(self.poses.shape[1])
         weights, mean = self.weights / self.weights.sum(), np.asarray(near, dtype=float)
         for _ in range(_MEAN_STEPS):
             mean = group.compose(
@@ -306,7 +307,7 @@ def _fault_of_estimate(estimate: Any, letters: Sequence[str], numbers: tuple[str
         return f"names {estimate.label} (p = {own:.4g}), and {best} is more probable (p = {p.max():.4g})"
     if pose.shape != (length,) or not (np.abs(pose) <= LARGEST).all():
         return f"has the pose {short(pose.tolist())}, which is no finite {kind} up to {LARGEST:g}"
-    if numbers == POSE_IN_SPACE and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
+    if "qw" in numbers and abs(np.linalg.norm(pose[3:]) - 1) > 1e-6:
         return f"has the quaternion {short(pose[3:].tolist())}, which is not of length 1"
     samples = estimate.samples
     if samples is None:

@@ -89,6 +89,7 @@ class MapFilter(Estimator):
     taxel_xy: FloatArray
     reach: float
     field: LikelihoodField
+    moving: MovingBelief | None
     _train: Scan | None
     _planning: np.random.Generator
 
@@ -107,16 +108,20 @@ class MapFilter(Estimator):
         self.fitted_options = options
         self.likelihood: Likelihood = likelihood.create(options)
         self.motion: Motion | None = None
-        self.moving: MovingBelief | None = None
         if options.motion != "off":
             from tactsim.estimators.filters.motion import parse_motion
 
             self.motion = parse_motion("auto" if options.motion == "seen" else options.motion)
-            if self.motion is not None:
-                from tactsim.estimators.filters.moving import MovingBelief
+            self.draws = self.draws or self.motion is not None
+        self._watched = options.motion == "seen"
+        self.moving = None if self._watched else self._moving_belief()
 
-                self.moving, self.draws = MovingBelief(self, self.motion), True
-        self._watched = self.moving if options.motion == "seen" else None
+    def _moving_belief(self) -> MovingBelief | None:
+        if self.motion is None:
+            return None
+        from tactsim.estimators.filters.moving import MovingBelief
+
+        return MovingBelief(self, self.motion)
 
     def fit(self, scan: Scan) -> None:
         """Learn the maps (eq. 2 to 6) and the measurement model from the training readings.
@@ -211,10 +216,10 @@ class MapFilter(Estimator):
         """Begin a sequence, for states within `reach`."""
         self.field.reset()
         self._reset(rng)
-        if self.moving is not None or self._watched is not None:
+        if self.moving is not None or self._watched:
             self._stirring, self._touches = rng.spawn(1)[0], list[tuple[FloatArray, FloatArray]]()
             self._next_look = 0.0
-        if self._watched is not None:
+        if self._watched:
             self.moving = None
         elif self.moving is not None:
             self.moving.reset(self._stirring)
@@ -250,10 +255,10 @@ class MapFilter(Estimator):
             units = self.pad_fit.units
             values, pose = check_reading(units.readings(values), units.poses(pose), len(self.taxel_xy))
         self._take_in(values, pose)
-        if self._watched is not None:
+        if self._watched:
             self._touches.append((values, pose))
             if len(self._touches) >= self._next_look and (self.moving is not None or self.stirred):
-                self._look(self._watched)
+                self._look()
         if self.open_set is not None:
             self.open_set.keep(values, pose)
 
@@ -264,13 +269,15 @@ class MapFilter(Estimator):
         else:
             self.measure()
 
-    def _look(self, moving: MovingBelief) -> None:
+    def _look(self) -> None:
         """Follow the object, or let it lie, by whether a motion explains the readings.
 
         To follow it is to take all touches in again, with a belief that moves, as if it had been there from the first
         on. The next look is after as many touches again; there is none if a motion explains next to nothing.
         """
         self._next_look = 2 * len(self._touches)
+        moving = self.moving or self._moving_belief()
+        assert moving is not None
         if self.moving is None:
             self.field.reset()
             self._reset(self._stirring)
@@ -372,7 +379,7 @@ class MapFilter(Estimator):
     def describe(self) -> str:
         """Say in one line how the filter is set up, whether the object may move, and what is fitted to the pad."""
         parts = [self._own_setup()]
-        if self.moving is not None:
+        if self.motion is not None:
             parts.append(f"motion {self.fitted_options.motion}")
         if self.pad_fit is not None:
             parts.append(self.pad_fit.describe())

@@ -29,7 +29,6 @@ from tactsim.estimators.filters.cells import (
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.plain_bins import PlainBins, bins_on, halve_best
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
 from tactsim.estimators.filters.trust_kernels import influence_at
@@ -38,6 +37,7 @@ from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOpt
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.moving import MovingBelief
+    from tactsim.estimators.filters.plain_bins import PlainBins
 
 # Cells are halved so often in any case, and on until the smallest hold the belief in so many cells (effective sample
 # size): then they are about as large as the belief is wide.
@@ -116,6 +116,8 @@ class RefinedFilter(GridFilter):
         if isinstance(self.field, TableField) and not many:
             self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
         else:
+            from tactsim.estimators.filters.plain_bins import bins_on
+
             self._coarse = bins_on(self.field, self.grid, skip=self.options.skip)
         self._bins = bins_of(self.grid)
         self._limits = Limits(
@@ -155,6 +157,8 @@ class RefinedFilter(GridFilter):
                 cell, log_p, self._limits, weight, history, self._bins, self._before, self._halved
             )
         else:
+            from tactsim.estimators.filters.plain_bins import halve_best
+
             end, left, left_log_p, evaluated = halve_best(
                 cell, log_p, self._limits, weight, self.field, self.grid
             )

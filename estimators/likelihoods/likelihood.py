@@ -20,6 +20,7 @@ from tactsim.core.plug_ins import Registry
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
 from tactsim.estimators.likelihoods.classifier import UNKNOWN
+from tactsim.estimators.likelihoods.folds import loads_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import LikelihoodOptions, MapOptions
 
@@ -203,10 +204,10 @@ def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
     """
     kind = kind_of(options.likelihood)
     if train is not None and issubclass(kind, TaxelSum):
-        from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
-
         load = loads_of(train)
         if load.any():
+            from tactsim.estimators.likelihoods.load_mixture import LoadMixture
+
             return LoadMixture(options, load)
     return kind(options)
 

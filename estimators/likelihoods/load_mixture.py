@@ -20,25 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.likelihoods.folds import by_letter, load_levels
 from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum, kind_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import LikelihoodOptions
-
-
-def loads_of(train: Scan) -> NDArray[np.intp]:
-    """Tell the loads of training readings apart: (n,), from 0, the lightest; all 0 if they are of one load.
-
-    They are the shares of its press's load at which each was taken, or without those what was felt at a pose beside the
-    most that was felt there. Where poses were found by laying presses over each other, which come to lie at the same
-    ones by chance, nothing tells loads apart.
-    """
-    if train.moments is None and "aligned" in train.meta:
-        return np.zeros(len(train), dtype=np.intp)
-    if train.moments is None:
-        load = by_letter(lambda of_letter: load_levels(of_letter.poses, of_letter.readings), train)
-        return np.unique(load, return_inverse=True)[1].reshape(-1)
-    return np.unique(np.round(train.moments, 6), return_inverse=True)[1].reshape(-1)
 
 
 class LoadMixture(TaxelSum):

@@ -7,12 +7,24 @@ sensor S, the object O and the robot R: sensor_in_object = robot_in_object * sen
 
 from __future__ import annotations
 
+import sys
+from types import ModuleType
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 _TURNED_AT = 3.0  # mm from the middle at which a turn is a way, when poses are spread: places come first
 POSE = ("x", "y", "theta")  # the numbers of a pose in the plane; `rigid.POSE` has those of one in space
+
+
+def algebra(numbers: int) -> ModuleType:
+    """Give the module that has `compose`, `invert`, `log` and `exp` of poses of 3 numbers, or of 7: `rigid`."""
+    if numbers == len(POSE):
+        return sys.modules[__name__]
+    from tactsim.core import rigid
+
+    return rigid
 
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:

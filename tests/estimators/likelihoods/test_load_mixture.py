@@ -8,7 +8,8 @@ from synthetic import make_scan, model_of, paper_poses
 
 from tactsim.core import Scan
 from tactsim.estimators.field.table_field import TableField
-from tactsim.estimators.likelihoods.load_mixture import LoadMixture, loads_of
+from tactsim.estimators.likelihoods.folds import loads_of
+from tactsim.estimators.likelihoods.load_mixture import LoadMixture
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
