@@ -103,17 +103,13 @@ def command_probe(
     from tactsim.hardware.terminal_pictures import SEEN, tactile_image
 
     described, correction = pads.load(device, calibration)
-    heard = _Heard()
+    heard, named = _Heard(), is_typed(context, "device")
     try:
         opened = open_source(port, described, correction, log=heard)
     except SourceError:
         with suppress(SourceError, OSError), open_text(port[0].removeprefix("recording:")) as text:
             heard.received(0, text.read(_KEPT).encode(), 0.0)
-            if heard.show(as_bytes=False) and not is_typed(context, "device"):
-                raise InputError(
-                    f"{port[0]}: no device file says of which pad it is; keep the one above, fill in what its owner "
-                    "knows, and name it: --device FILE.toml"
-                ) from None
+            heard.ask(port[0], named, heard.show(as_bytes=False))
         raise
     with opened as source:
         readings = []
@@ -126,11 +122,11 @@ def command_probe(
             pass
         except NoReading:
             if not readings:
-                heard.show()
+                heard.ask(port[0], named, heard.show())
                 raise
         counters = source.counters.as_dict()
     if not readings:
-        heard.show()
+        heard.ask(port[0], named, heard.show())
         raise NoReading(f"{port[0]} has no readings")
     values = np.array([reading.pressures for reading in readings])
     times = [
@@ -178,18 +174,31 @@ class _Heard:
     def lost(self, link: int, time: float) -> None:
         """Ignore a lost link."""
 
-    def show(self, as_bytes: bool = True) -> bool:
+    @staticmethod
+    def ask(port: str, named: bool, shown: bool | None) -> None:
+        """Raise InputError that asks for the pad where nobody named one, and what came is known (`show`)."""
+        if named or shown is None:
+            return
+        if not shown:
+            raise InputError(f"{port}: no device file reads what came as it is; above is why")
+        raise InputError(
+            f"{port}: no device file says of which pad it is; keep the one above, fill in what its owner "
+            "knows, and name it: --device FILE.toml"
+        )
+
+    def show(self, as_bytes: bool = True) -> bool | None:
         """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read.
 
-        Returns whether a device file was printed.
+        Returns whether a device file was printed; None if nothing is known of the bytes.
         """
+        from tactsim.hardware.codecs.fields import packing_of
         from tactsim.hardware.codecs.lines import guess_lines, is_text
 
         for at in range(0, min(len(self._first), _SHOWN) if as_bytes else 0, 16):
             part = self._first[at : at + 16]
             text = "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in part)
             typer.echo(f"{at:4}  {part.hex(' '):47}  {text}", err=True)
-        guess = guess_lines(self._first) if is_text(self._first) else None
+        guess, packing = guess_lines(self._first) if is_text(self._first) else None, packing_of(self._first)
         if guess is not None and guess.read:
             typer.echo(f"\nThe device prints {guess.describe()}. A device file that reads them:\n", err=True)
             typer.echo(f"{guess.device_file()}\n", err=True)
@@ -197,7 +206,14 @@ class _Heard:
             typer.echo(f"\n{guess.refusal()}\n", err=True)
         elif is_text(self._first):
             typer.echo("\nThe device prints text, but no ended lines of numbers without units.\n", err=True)
-        return guess is not None and guess.read
+        elif packing is not None:
+            typer.echo(
+                f"\nThe device sends packets in {packing}, which no device file reads: let it send them as they are, "
+                "behind a header such as AA 55.\n",
+                err=True,
+            )
+        known = packing is not None or is_text(self._first)
+        return guess is not None and guess.read if known else None
 
 
 def command_tare(

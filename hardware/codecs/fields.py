@@ -13,7 +13,8 @@ How a frame is found, so that none is invented from the remains of two:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -37,6 +38,7 @@ from tactsim.hardware.codecs.codec import (
 )
 
 LONGEST_FRAME = 1 << 16  # bytes
+_FEWEST_PACKETS = 4  # by which SLIP and COBS are told
 # Checksums by which a frame may be found. The others are right by chance too often, or right for a run of zeros.
 FINDING = ("crc16-modbus", "crc16-ccitt", "crc32")
 
@@ -500,3 +502,30 @@ def _weights(form: Taxels, endian: Endian) -> np.ndarray:
     """Say what each bit of a value counts, in the order in which the bits come."""
     ascending = 1 << np.arange(form.bits, dtype=np.int64)
     return ascending[::-1] if endian == "big" else ascending
+
+
+def packing_of(data: bytes) -> str | None:
+    """Tell whether bytes are packets of one length in SLIP (RFC 1055) or COBS, which no layout describes; None if not.
+
+    SLIP ends a packet by C0, and writes C0 and DB in it as DB DC and DB DD. COBS ends it by 0, and each 0 in it is the
+    count of bytes to the next one.
+    """
+    slip = [packet for packet in data.split(b"\xc0")[1:-1] if packet]
+    plain = [packet.replace(b"\xdb\xdc", b"\xc0").replace(b"\xdb\xdd", b"\xdb") for packet in slip]
+    escaped = any(len(bare) < len(packet) for bare, packet in zip(plain, slip, strict=True))
+    if escaped and _alike(plain) and not any(re.search(rb"\xdb(?![\xdc\xdd])", packet) for packet in slip):
+        return f"SLIP (C0 behind each), {len(plain[0])} bytes long"
+    cobs = [packet for packet in data.split(b"\0")[1:-1] if packet]
+    if not _alike(cobs):
+        return None
+    for packet in cobs:
+        at = 0
+        while at < len(packet):
+            at += packet[at]
+        if at != len(packet):
+            return None
+    return f"COBS (00 behind each), {len(cobs[0]) - 1} bytes long"
+
+
+def _alike(packets: Sequence[bytes]) -> bool:
+    return len(packets) >= _FEWEST_PACKETS and len({*map(len, packets)}) == 1 and len(packets[0]) > 2

@@ -40,6 +40,7 @@ _END = re.compile(rb"\r\n|\r|\n")
 _LONGEST_NUMBER = 32  # characters of one number with its separator and its name
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")
 _HEXADECIMAL = re.compile(rb"0[xX][0-9a-fA-F]{1,13}")
+_BARE = re.compile(rb"(0[xX])?[0-9a-fA-F]{1,13}")
 _ESCAPE = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # clears or colours a terminal
 _AROUND = bytes.maketrans(b"[](){}<>|$#\"'\0", b" " * 14)  # means nothing here, or no more than a blank
 _NAME = re.compile(rb"(?<![\w.+-])(?:[A-Za-z_]\w*(?: \d+)? *[:=]|\d+: )")  # of a number, or of a row
@@ -69,6 +70,9 @@ class LinesFormat(CountsFormat):
         ",", description="what an emulated device writes between two numbers; each of these is read"
     )
     decimal: Literal[".", ","] = Field(".", description="the decimal point")
+    base: Literal[10, 16] = Field(
+        10, description="16 if all numbers are hexadecimal digits, with 0x before them or not"
+    )
     checksum: str | None = Field(
         None, description='kind of the checksum behind a "*", in hexadecimal digits; none: there is none'
     )
@@ -78,6 +82,8 @@ class LinesFormat(CountsFormat):
     def _makes_sense(self) -> LinesFormat:
         if self.delimiter == self.decimal:
             raise ValueError("delimiter and decimal are both a comma: no line can be read")
+        if self.base == 16 and self.decimal == ",":
+            raise ValueError("hexadecimal numbers have no decimal comma: leave out decimal")
         if self.normal >= self.axes:
             raise ValueError(f"the normal axis {self.normal} is none of {self.axes}: count from 0")
         if self.before.count("clock") > 1 or self.before.count("index") > 1:
@@ -122,7 +128,7 @@ class LinesCodec(CountsCodec):
         line, used = self._line(buffer, start)
         fields = self._fields(line)
         frame = self._frame(fields) if used and self._is_right(line) else None
-        heading = not numbers_in(fields) or FIRST_NAME.match(line)
+        heading = not numbers_in(fields, self.format.base) or FIRST_NAME.match(line)
         if used and frame is None and self.format.checksum is None and heading:
             fields, of_rows = self._rows(buffer, start + used)
             frame = self._frame(fields) if fields else None
@@ -151,7 +157,7 @@ class LinesCodec(CountsCodec):
             if not used:
                 return fields, None
             row, name = self._fields(line), FIRST_NAME.match(line) is not None
-            if not numbers_in(row) or (fields and len(row) != first and name > named):
+            if not numbers_in(row, self.format.base) or (fields and len(row) != first and name > named):
                 return fields, at
             if (fields and len(row) != first) or len(row) >= self._columns:
                 break
@@ -166,6 +172,8 @@ class LinesCodec(CountsCodec):
         values[:, form.normal] = frame.values
         words = [str(ahead[name]) for name in form.before]
         words += [f"{value:.{_DIGITS}g}" for value in [*values.ravel(), *[0] * form.after]]
+        if form.base == 16:
+            words = [f"{max(round(float(word)), 0):X}" for word in words]
         line = self._delimiter.join(word.replace(".", form.decimal) for word in words).encode()
         return line + self._sum(line) + b"\r\n"
 
@@ -204,7 +212,7 @@ class LinesCodec(CountsCodec):
         """Read the numbers that mean something; None if a frame has more or fewer columns, or one of them is none."""
         if len(fields) != self._columns:
             return None
-        numbers = numbers_in([fields[column] for column in self._read])
+        numbers = numbers_in([fields[column] for column in self._read], self.format.base)
         if numbers is None or max(map(abs, numbers)) >= _LARGEST_COUNT:
             return None
         return numbers
@@ -230,11 +238,15 @@ def split_line(line: bytes, decimal: str = ".") -> list[bytes]:
     return fields
 
 
-def numbers_in(fields: list[bytes]) -> list[float] | None:
-    """Read fields that are all decimal numbers, or all hexadecimal after 0x; None for anything else."""
-    if all(map(_HEXADECIMAL.fullmatch, fields)):
+def numbers_in(fields: list[bytes], base: int = 10) -> list[float] | None:
+    """Read fields that are all decimal numbers, or all hexadecimal after 0x; None for anything else.
+
+    base: 16 if they are hexadecimal without 0x, too.
+    """
+    if all(map((_HEXADECIMAL if base == 10 else _BARE).fullmatch, fields)):
         return [float(int(field, 16)) for field in fields]
-    return [float(field) for field in fields] if all(map(_NUMBER.fullmatch, fields)) else None
+    decimal = base == 10 and all(map(_NUMBER.fullmatch, fields))
+    return [float(field) for field in fields] if decimal else None
 
 
 _BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
@@ -253,7 +265,8 @@ class GuessedLines:
     says the time since 1970, "index" where it rises by 1. tick_s: s, the clock's unit by its steps or size. decimal:
     the decimal point. odd: a field that is no number where others are, such as "ovf"; "" if there is none. named: the
     names of lines that are parts of a frame, with nothing between two frames, or of columns that are frames. checksum:
-    the kind behind a "*"; "" if there is none. read: whether most of these lines are read by the device file.
+    the kind behind a "*"; "" if there is none. read: whether most of these lines are read by the device file. base: 16
+    if the numbers are hexadecimal.
     """
 
     columns: int
@@ -265,10 +278,11 @@ class GuessedLines:
     named: tuple[str, ...] = ()
     checksum: str = ""
     read: bool = False
+    base: int = 10
 
     def describe(self) -> str:
         """Say what the lines are."""
-        numbers = counted(self.columns, "number")
+        numbers = counted(self.columns, "hexadecimal number" if self.base == 16 else "number")
         what = f"lines of {numbers}, a frame each; if they are parts of one, let it print a frame a line"
         if self.rows > 1:
             columns = self.columns // self.rows
@@ -309,6 +323,8 @@ class GuessedLines:
             lines.append(f"tick_s = {self.tick_s:g}")
         if self.decimal == ",":
             lines += ['delimiter = ";"', 'decimal = ","']
+        if self.base != 10:
+            lines.append(f"base = {self.base}")
         if self.checksum:
             lines.append(f'checksum = "{self.checksum}"')
         lines += ["kpa_per_count = 1.0  # measure, this and what follows", "[pad]", f"rows = {rows}"]
@@ -337,6 +353,8 @@ def guess_lines(data: bytes) -> GuessedLines | None:
     named = tuple(sorted(name for name, count in names.items() if count > 1))
     if any(line.startswith(b"[[") and not line.endswith(b"]]") for line in lines):
         named = ("[[", "]]")  # as NumPy prints a picture
+    if (hexadecimal := _of_hexadecimal(lines)) is not None:
+        return hexadecimal
     first_line = data.partition(b"\n")[0]
     columns_named = tuple(found[0][1:].decode() for found in _FRAMES.finditer(first_line))
     guesses = []
@@ -362,6 +380,18 @@ def guess_lines(data: bytes) -> GuessedLines | None:
                 guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
     # A comma between two numbers is no decimal one if both make sense.
     return max(guesses, key=lambda guess: (guess.read, guess.columns), default=None)
+
+
+def _of_hexadecimal(lines: Sequence[bytes]) -> GuessedLines | None:
+    """Find lines of hexadecimal digits without 0x: of one width, or with letters in several columns."""
+    rows = [split_line(line) for line in lines if line.strip(b"\0 ")]
+    words = {word for row in rows for word in row}
+    lettered = {at for row in rows for at, word in enumerate(row) if not word.isdigit()}
+    alike = (len({*map(len, words)}) == 1 and len(rows[0][0]) > 1) or len(lettered) > 1
+    if not lettered or not alike or not all(re.fullmatch(rb"[0-9a-fA-F]{1,8}", word) for word in words):
+        return None
+    columns, count = Counter(map(len, rows)).most_common(1)[0]
+    return GuessedLines(columns, 1, (), ".", "", base=16, read=2 * count > len(rows))
 
 
 def _in_turn(first: Sequence[bytes]) -> tuple[str, ...]:

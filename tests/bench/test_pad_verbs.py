@@ -463,3 +463,11 @@ def test_long_lines_are_probed_and_the_pad_that_they_are_of_is_asked_for(here, t
     done = here("probe", "--port", "recording:k.txt")
     refused(done, "no device file says of which pad it is", "--device FILE.toml")
     assert "taxels = 2048" in done.stderr
+
+
+def test_a_text_that_no_device_file_reads_is_refused_for_that_and_no_other_pad_is_named(here, tmp_path):
+    (tmp_path / "k.txt").write_text("ovf,1,2,3\n" * 20)
+    done = here("probe", "--port", "recording:k.txt")
+    refused(done, "recording:k.txt", "no device file reads what came as it is")
+    assert "'ovf' is no number" in done.stderr
+    assert "emulated" not in done.stderr

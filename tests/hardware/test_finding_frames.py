@@ -8,6 +8,7 @@ from made_pads import described, line_device, small_device
 
 from tactsim.core.counters import Counters
 from tactsim.hardware.codecs.codec import Frame, Framer
+from tactsim.hardware.codecs.fields import packing_of
 from tactsim.hardware.stream import Stream
 
 HEADER = {"is": "header", "bytes": "AA 55"}
@@ -323,3 +324,26 @@ def test_parts_whose_frames_come_in_packets_are_joined_by_their_counter():
             part=parts,
             pair_within_s=0.1,
         )
+
+
+def slip(packet):
+    return packet.replace(b"\xdb", b"\xdb\xdd").replace(b"\xc0", b"\xdb\xdc") + b"\xc0"
+
+
+def cobs(packet):
+    return b"".join(bytes([len(part) + 1]) + part for part in packet.split(b"\0")) + b"\0"
+
+
+@given(st.integers(0, 2**32), st.integers(4, 60))
+def test_slip_and_cobs_are_named_with_the_length_of_their_packets(seed, length):
+    rng = np.random.default_rng(seed)
+    packets = [rng.choice([0, 1, 7, 192, 219, 220], length).astype(np.uint8).tobytes() for _ in range(20)]
+    assert packing_of(b"".join(map(slip, packets))) == f"SLIP (C0 behind each), {length} bytes long"
+    assert packing_of(b"".join(map(cobs, packets))) == f"COBS (00 behind each), {length} bytes long"
+
+
+@given(st.integers(0, 2**32), st.integers(4, 60))
+def test_frames_with_a_header_are_neither(seed, length):
+    rng = np.random.default_rng(seed)
+    frames = [b"\xc0\x00" + rng.integers(0, 256, length, dtype=np.uint8).tobytes() for _ in range(20)]
+    assert packing_of(b"".join(frames)) is None

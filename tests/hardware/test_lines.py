@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactsim.core.counters import Counters
-from tactsim.hardware.codecs.codec import Framer
+from tactsim.hardware.codecs.codec import Frame, Framer
 from tactsim.hardware.codecs.lines import LinesFormat, guess_lines, is_text
 from tactsim.hardware.device import Device
 
@@ -127,7 +127,6 @@ def test_a_line_without_a_number_is_left_out_and_the_probe_says_why(word, count)
 @pytest.mark.parametrize(
     ("form", "odd"),
     [
-        (lambda v, k: " ".join(f"{x + 160:04x}" for x in v), "01cd"),
         (lambda v, k: "$TACT," + ",".join(map(str, v)) + "*5B", "400*5B"),
         (lambda v, k: ",".join(["ovf", *map(str, v[1:])]), "ovf"),
         (lambda v, k: ",".join(["20260102123456", *map(str, v)]), ""),
@@ -235,3 +234,24 @@ def test_noise_is_no_text():
     assert not is_text(rng.integers(0, 256, 500).astype(np.uint8).tobytes())
     assert guess_lines(b"Hello\nworld\nagain\n") is None
     assert guess_lines(b"".join(b"[INFO] sensor ok, loop %d\n" % k for k in range(30))) is None
+
+
+@pytest.mark.parametrize("form", ["{:04x}", "{:X}", "0x{:02X}"])
+@pytest.mark.parametrize("separator", [" ", ",", "\t"])
+def test_hexadecimal_lines_are_named_and_read(form, separator):
+    values = [[x + 160 for x in frame] for frame in VALUES]
+    data = "".join(separator.join(map(form.format, frame)) + "\r\n" for frame in values).encode()
+    guess = guess_lines(b"\n" + data)
+    device = Device.model_validate(tomllib.loads(guess.device_file()))
+    assert read(device.build_codec(), [b"\n", data, b"\n"]) == values
+    if "0x" not in form:
+        assert "lines of 4 hexadecimal numbers" in guess.describe()
+    codec = LinesFormat(kind="csv", taxels=4, base=16, kpa_per_count=1.0).build()
+    sent = codec.encode(Frame(np.array(values[0], dtype=float)))
+    assert read(codec, [b"\n", sent]) == values[:1]
+
+
+def test_decimal_lines_with_a_word_of_letters_are_not_hexadecimal():
+    for lines in ("face,1,2,3\n", "1,2,3\n", "dead,beef,1.5\n", "a 10 20 30\n"):
+        guess = guess_lines(9 * lines.encode())
+        assert guess is None or guess.base == 10
