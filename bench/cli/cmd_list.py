@@ -201,11 +201,13 @@ def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
 
 
 def command_new(
-    kind: str = typer.Argument(..., metavar="KIND", help="What to make: estimator or source."),
+    kind: str = typer.Argument(
+        ..., metavar="KIND", help="What to make: estimator, likelihood (a measurement model) or source."
+    ),
     name: str = typer.Argument(..., help="Its name: lower-case words with hyphens between them."),
     out: Path | None = typer.Option(None, help="A new folder. Default: one called as the repository."),
 ) -> None:
-    """Make a repository of your own for an estimator or a source, with its tests and its workflow."""
+    """Make a repository of your own for an estimator, a measurement model or a source, with tests and a workflow."""
     from tactsim.bench.console import plain_console
     from tactsim.bench.new import make
 

@@ -1,4 +1,4 @@
-"""What `bench new` makes: a repository of a user's own, for an estimator or a source.
+"""What `bench new` makes: a repository of a user's own, for an estimator, a measurement model or a source.
 
 The files that it is made from stand beside this one, each with `.txt` behind its name. In them the new name is
 `your-name`, `your_name` and `YourName`, so that they are files as they will be.
@@ -21,7 +21,7 @@ from tactsim.core import InputError
 from tactsim.core.errors import short, unknown
 from tactsim.core.files import new_folder
 
-KINDS = ("estimator", "source")
+KINDS = ("estimator", "likelihood", "source")
 _LONGEST = 40  # characters of a name: it is part of lines of code
 _SHARED = {
     "LICENSE": "shared/LICENSE.txt",
@@ -38,7 +38,11 @@ _TEMPLATES = Environment(
     keep_trailing_newline=True,
 )
 
-_LISTED = {"estimator": "`bench list`", "source": "`bench devices`"}
+_LISTED = {
+    "estimator": "`bench list`",
+    "likelihood": "`bench list likelihoods`",
+    "source": "`bench devices`",
+}
 
 # For each kind what is in the new repository, and the file here that it is made from.
 FILES: Mapping[str, Mapping[str, str]] = {
@@ -47,6 +51,12 @@ FILES: Mapping[str, Mapping[str, str]] = {
         "README.md": "estimator/README.md.txt",
         "src/your_name/estimator.py": "estimator/estimator.py.txt",
         "tests/test_your_name.py": "estimator/test_estimator.py.txt",
+    },
+    "likelihood": _SHARED
+    | {
+        "README.md": "likelihood/README.md.txt",
+        "src/your_name/likelihood.py": "likelihood/likelihood.py.txt",
+        "tests/test_your_name.py": "likelihood/test_likelihood.py.txt",
     },
     "source": _SHARED
     | {
@@ -60,7 +70,7 @@ FILES: Mapping[str, Mapping[str, str]] = {
 
 
 def make(kind: str, name: str, folder: Path | None = None) -> Path:
-    """Make a repository for an estimator or a source called `name`; gives its folder.
+    """Make a repository of one of `KINDS` called `name`; gives its folder.
 
     folder: a new or an empty one; None for one in the current folder, called as the repository. Nothing is
     half-written: the folder is there when all its files are.
@@ -135,6 +145,10 @@ def _taken(kind: str) -> tuple[str, ...]:
         from tactsim.estimators import names as estimators
 
         return estimators()
+    if kind == "likelihood":
+        from tactsim.estimators.likelihoods.likelihood import names as likelihoods
+
+        return likelihoods()
     from tactsim.hardware.sources import names as sources
 
     return sources()

@@ -13,6 +13,9 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 
+# Nats of a reading that a model says is impossible, where its place is not certain.
+IMPOSSIBLE = -1e9
+
 
 class LikelihoodField(ABC):
     """log p(readings | letter, T_R^O) for the readings of a sequence so far (paper, eq. 7, summed).

@@ -29,7 +29,7 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
-from tactsim.estimators.field.field import LikelihoodField, PlainField, field_of
+from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, PlainField, field_of
 from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.states import WeightedStates, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
@@ -47,8 +47,6 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
-# Nats of a reading that a model says is impossible, for a belief that may have moved on.
-_IMPOSSIBLE = -1e9
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
@@ -421,7 +419,7 @@ class MapFilter(Estimator):
     def log_p(self, letter: int, state: FloatArray, touch: int) -> FloatArray:
         """Weigh states T_R^O (3, n) of a letter by one reading: (n,) nats. It counts as one of few readings."""
         self._evaluated += state.shape[1]
-        log_p = np.maximum(self.field.log_p(letter, state, touch, touch + 1), _IMPOSSIBLE)
+        log_p = np.maximum(self.field.log_p(letter, state, touch, touch + 1), IMPOSSIBLE)
         if self.trust is None:
             return log_p
         from tactsim.estimators.filters.trust import FEW

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, field_of
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mostly_held, sums_of_readings
 from tactsim.estimators.likelihoods.folds import LeftOut, folds, presses
@@ -49,24 +50,29 @@ from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 
 def unseen(
     likelihood: Likelihood, train: Scan, labels: Sequence[str], whole_positions: bool
-) -> Iterator[tuple[TableField, str, int]]:
+) -> Iterator[tuple[LikelihoodField, str, int]]:
     """Yield a field, a letter and the number of its training reading, which the field has last and its maps have not.
 
-    Of each reading the taxels count that lie where others were felt. train: what the likelihood was fitted to. labels:
-    the letters to ask, and the field's. whole_positions: whether all presses at its position are left out with a
-    reading, or as few as may be. Nothing is yielded of a likelihood that cannot leave readings out, or is no sum
-    over taxels.
+    Of each reading the taxels count that lie where others were felt, or all if the likelihood is no sum over them.
+    train: what the likelihood was fitted to. labels: the letters to ask, and the field's. whole_positions: whether
+    all presses at its position are left out with a reading, or as few as may be. Nothing is yielded of a likelihood
+    that cannot leave readings out.
     """
     out = LeftOut.of(train, folds if whole_positions else presses)
     for gone in out:
         rest = likelihood.without(train, gone, labels, whole_positions)
-        if not isinstance(rest, TaxelSum):
+        if rest is None:
             return
         cell = rest.options.cell
-        field = TableField(rest, labels, train.taxel_xy, (cell, cell), cell)
+        field = field_of(rest, labels, train.taxel_xy, (cell, cell), cell)
         for label in labels:
             for k in np.flatnonzero(gone & (train.labels == label)).tolist():
-                field.add(rest.evidence(train.readings[k]).of_taxels(out.known[k]), np.array(train.poses[k]))
+                if isinstance(field, TableField) and isinstance(rest, TaxelSum):
+                    field.add(
+                        rest.evidence(train.readings[k]).of_taxels(out.known[k]), np.array(train.poses[k])
+                    )
+                else:
+                    field.append(train.readings[k], train.poses[k])
                 yield field, label, k
 
 
@@ -176,7 +182,8 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = _some_labels(train)
-    shift, size, states = _moves(train.poses[:, :2].mean(axis=0))
+    moves = _MOVES if isinstance(likelihood, TaxelSum) else _MOVES // 4  # others take many times as long
+    shift, size, states = _moves(train.poses[:, :2].mean(axis=0), moves)
     errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
     for whole_positions in (False, True):
         left_out = _left_out(likelihood, train, labels, states, whole_positions)
@@ -196,7 +203,9 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
     few_seen, many_seen = np.mean(seen, axis=0).tolist()
-    misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
+    misfit = Misfit()
+    if np.isfinite(misfits).all():  # what the likelihood says at most is known
+        misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
     return Trust(own, growth, own / trained, few_seen, many_seen, longest, misfit)
 
 
@@ -273,15 +282,15 @@ def _weight(sums: FloatArray, log_volume: FloatArray, along: FloatArray) -> floa
     return math.sqrt(low * high)
 
 
-def _moves(centre: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Draw moves of an object: shifts (n, 2) of its centre [x, y], sizes (n,), mm, and T_R^O (3, n).
+def _moves(centre: FloatArray, count: int = _MOVES) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Draw n = count moves of an object: shifts (n, 2) of its centre [x, y], sizes (n,), mm, and T_R^O (3, n).
 
     They have all sizes, as many of one order of magnitude as of another, and all directions, spread evenly by an
     additive recurrence (Richtmyer 1951) with the powers of the root of x^5 = x + 1 (Roberts 2018). Few of them lie in a
     narrow region, and drawn independently they would make it seem narrower than it is. The second half are those of
     the first half the other way.
     """
-    spread = (np.arange(1, _MOVES // 2 + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
+    spread = (np.arange(1, count // 2 + 1)[:, None] * _ROOT ** -np.arange(1.0, 5.0) + 0.5) % 1
     size = _LEAST * (_MOST / _LEAST) ** spread[:, 0]
     direction = np.vectorize(NormalDist().inv_cdf)(spread[:, 1:])
     move = direction / np.linalg.norm(direction, axis=1, keepdims=True) * size[:, None]
@@ -303,7 +312,8 @@ def _left_out(
     found: dict[str, list[FloatArray]] = {label: [] for label in labels}
     most: dict[str, list[float]] = {label: [] for label in labels}
     for asked, label, _ in unseen(likelihood, train, labels, whole_positions):
-        found[label].append(asked.log_p(labels.index(label), states, len(asked) - 1))
+        log_p = asked.log_p(labels.index(label), states, len(asked) - 1)
+        found[label].append(np.maximum(log_p, IMPOSSIBLE))
         most[label].append(asked.bound(len(asked) - 1))
     if not any(found.values()):
         return None

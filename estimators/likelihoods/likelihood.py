@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar, cast
 
@@ -108,9 +109,16 @@ class Likelihood(ABC):
 
         train: the n training readings that the likelihood was fitted to. gone: (n,) those to leave out.
         whole_positions: whether those are all presses at some positions, or some of each. What was learned of how
-        readings deviate from maps stays. None if it cannot leave readings out.
+        readings deviate from maps stays. None if it cannot leave readings out, as one that learns more than maps must
+        say itself how: each reading then counts in full, and regions are as narrow as `log_p` makes them.
         """
-        return None
+        if type(self).fit is not Likelihood.fit:
+            return None
+        from tactsim.estimators.likelihoods.occupancy import learn_maps_by
+
+        rest = copy(self)
+        rest.maps = learn_maps_by(self.options, train.chosen(~gone).of_letters(labels))
+        return rest
 
 
 class TaxelSum(Likelihood):

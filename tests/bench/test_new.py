@@ -90,7 +90,9 @@ def test_an_estimator_runs_by_its_name(installed, here, scan_file):
 @pytest.mark.long
 def test_it_stands_in_the_lists(installed, here):
     kind = installed
-    words = {"estimator": ["list", "estimators"], "source": ["devices"]}[kind]
+    words = {
+        "estimator": ["list", "estimators"], "likelihood": ["list", "likelihoods"], "source": ["devices"],
+    }[kind]  # fmt: skip
     (line,) = [line for line in here(*words).stdout.splitlines() if f"my-{kind} " in line]
     assert f"from my-{kind}" in line
     refused(here("new", kind, f"my-{kind}"), "there is one of that name already")

@@ -34,7 +34,7 @@ def gaussian(rng, too_sure, share=0.0):
     """
 
     def left_out(likelihood, train, labels, states, whole_positions):
-        shift, _, _ = trust._moves(np.zeros(2))
+        shift, _, _ = trust._moves(np.zeros(2), states.shape[1])
         place = np.column_stack([shift, trust._GYRATION * states[2]])
         error = 1 / (1 - share) if whole_positions else 1 - share
         seen = rng.normal(size=(len(LETTERS), READINGS, 3)) * math.sqrt(error)
