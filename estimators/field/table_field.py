@@ -19,6 +19,7 @@ from tactsim.estimators.field.kernels import LANES, Lattice, Named, Ranges, Samp
 from tactsim.estimators.likelihoods.likelihood import Evidence, TaxelSum
 
 _MOST_NODES = 50_000_000  # of all letters: 100 MB a table
+_MOST_KEPT = 12_500_000  # values that are kept until they can be rounded: 100 MB
 # Nodes are whole numbers up to this: one more, by which a bound may be raised, still fits into 16 bits.
 _LARGEST = 32_766
 
@@ -83,12 +84,15 @@ def tabulate(
             raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
         return found
 
-    # All letters twice: until all were seen nobody knows the unit and where all are 0, and to keep until then what was
-    # sampled would take as much memory again.
+    # Until all letters were seen nobody knows the unit and where all are 0. To keep until then what was sampled would
+    # take four times the memory; of many letters all are sampled twice.
     rows, columns = range(counts[1]), range(counts[0])
-    largest = [np.zeros(len(rows)), np.zeros(len(columns))]
+    largest, kept = [np.zeros(len(rows)), np.zeros(len(columns))], dict[int, FloatArray]()
     for letter in range(len(labels)):
-        of_places = np.abs(sampled(letter, rows, columns)).max(axis=0)
+        found = sampled(letter, rows, columns)
+        if outside.size * found[0].size <= _MOST_KEPT:
+            kept[letter] = found
+        of_places = np.abs(found).max(axis=0)
         largest = [np.maximum(largest[axis], of_places.max(axis=1 - axis)) for axis in (0, 1)]
     # The smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as the largest.
     share, exponent = math.frexp(largest[0].max() / _LARGEST)
@@ -102,7 +106,11 @@ def tabulate(
     nodes = np.zeros((*outside.shape, *shape), dtype=np.int16)
     for letter in range(len(labels)):
         within = nodes[:, letter, 1 : 1 + len(rows), 1 : 1 + len(columns)]
-        within[:] = np.rint(sampled(letter, rows, columns) / unit)
+        if letter in kept:
+            found = kept.pop(letter)[:, rows.start : rows.stop, columns.start : columns.stop]
+        else:
+            found = sampled(letter, rows, columns)
+        within[:] = np.rint(found / unit)
     lowest = outside + unit * np.minimum(nodes.min(axis=(2, 3)), 0)
     highest = outside + unit * np.maximum(nodes.max(axis=(2, 3)), 0)
     return Tables(

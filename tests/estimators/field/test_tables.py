@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tactsim.estimators.field import table_field
 from tactsim.estimators.field.table_field import tabulate
 from tactsim.estimators.likelihoods.likelihood import TaxelSum
 from tactsim.estimators.options import LikelihoodOptions
@@ -46,6 +47,13 @@ def test_nodes_hold_the_likelihood_at_their_place(spacing, finest):
     assert tables.outside.tolist() == [[-1, -1], [-2, -2]]
     assert tables.highest == pytest.approx((nodes + tables.outside[:, :, None, None]).max(axis=(1, 2, 3)))
     assert tables.lowest == pytest.approx((nodes + tables.outside[:, :, None, None]).min(axis=(1, 2, 3)))
+
+
+def test_of_many_letters_tables_are_sampled_twice_and_are_the_same(monkeypatch):
+    once = tabulate(Bump(LikelihoodOptions()), "ab", (0.8, 0.8), 0.4)
+    monkeypatch.setattr(table_field, "_MOST_KEPT", 0)
+    twice = tabulate(Bump(LikelihoodOptions()), "ab", (0.8, 0.8), 0.4)
+    assert np.array_equal(once.nodes, twice.nodes)
 
 
 def test_a_likelihood_that_is_not_finite_is_refused():
