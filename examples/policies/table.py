@@ -26,6 +26,7 @@ from policies import InformationPolicy, LearnedPolicy, Policy, RandomPolicy
 from tactsim.bench.intervals import Figure, mean, share
 from tactsim.bench.tasks import task as read_task
 from tactsim.bench.trials import sure_enough
+from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.env import Reward, TouchEnv
 
@@ -129,8 +130,12 @@ def compare(
 ) -> None:
     """Play each policy in so many episodes for each of the task's scan seeds, and print a Markdown table.
 
-    Raises InputError as `play` does.
+    Raises InputError as `play` does, and where there is nothing to play.
     """
+    if min(len(policies), episodes, touches) < 1:
+        raise InputError("give at least one policy, one episode and one touch")
+    if wrong := [one for one in policies if not isinstance(one, Policy)]:
+        raise InputError(f"{wrong[0]} is no policy; give what calling a class makes, as Middle()")
     played = []
     for policy in policies:
         print(f"{policy.name}, {policy.belief} ...", file=sys.stderr)

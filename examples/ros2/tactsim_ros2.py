@@ -154,5 +154,5 @@ def pose_with_covariance(estimate: Estimate) -> dict[str, Any]:
 def open_source(places: Sequence[str], device: HasPad, log: Log | None) -> Source:
     """Read a ROS 2 topic of tactile images: ros2:/topic."""
     if len(places) != 1 or not places[0]:
-        raise SourceError(f"one pad is one topic, such as ros2:/tactile; {len(places)} were given")
+        raise SourceError(f"one pad is one topic, such as ros2:/tactile; got {' '.join(places) or 'none'}")
     return Ros2Source(places[0], device)

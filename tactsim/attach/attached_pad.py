@@ -207,8 +207,8 @@ class AttachedPad:
         numbers = {model.geom(i).name or i: i for i in range(model.ngeom)}
         if missing := [name for name in names if name not in numbers]:
             raise InputError(
-                f"the model has no geom {missing[0]!r}: compile it from the spec that the pad is attached to; to a "
-                "copy in another spec a pad is attached by its name there"
+                f"the model has no geom {missing[0]!r}: compile it after `attach`, from the spec that the pad is "
+                "attached to; to a copy in another spec a pad is attached by its name there"
             )
         geoms = [numbers[name] for name in names]
         what, first = (f"geom {names[0]!r}" if len(names) == 1 else self.name), geoms[0]

@@ -493,7 +493,7 @@ def test_wrong_input_is_one_line(geom, options, message):
 def test_a_model_without_the_geom_is_one_line():
     spec = mujoco.MjSpec.from_string(SCENE)
     attached = tactsim.press.attach(spec, "box")
-    with pytest.raises(InputError, match="the model has no geom 'box': compile it from the spec"):
+    with pytest.raises(InputError, match="the model has no geom 'box': compile it after `attach`, from the"):
         attached.bind(mujoco.MjSpec().compile())
     with pytest.raises(
         InputError, match=r"a pad is bound to a compiled mujoco\.MjModel, got <class 'mujoco\._specs"

@@ -105,3 +105,16 @@ def test_a_policy_of_ones_own_stands_in_the_table_by_its_name(capsys):
     heads, _, *rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines()]
     assert len({len(row) for row in (heads, *rows)}) == 1
     assert [row[:2] for row in rows] == [["| random", "histogram"], ["| Middle", "histogram"]]
+
+
+@pytest.mark.parametrize(
+    ("policies", "options", "message"),
+    [
+        ([], {}, "give at least one policy, one episode and one touch"),
+        ([Middle()], {"episodes": 0}, "give at least one policy, one episode and one touch"),
+        ([Middle], {}, "is no policy; give what calling a class makes"),
+    ],
+)
+def test_what_is_no_policy_or_no_episode_is_one_line(policies, options, message):
+    with pytest.raises(tactsim.core.InputError, match=message):
+        compare(policies, **options)
