@@ -347,7 +347,11 @@ class RunConfig(ScanWords):
     trials: Annotated[int | Literal["all"], BeforeValidator(_trials)] = Field(
         10, description="Trials for each letter; all: each test press once, where nobody noted poses."
     )
-    readings: int = Field(60, ge=1, description="Readings a trial, without replacement.")
+    readings: int = Field(
+        60,
+        ge=1,
+        description="Touches of a trial at most, each of which gives a reading, without replacement.",
+    )
     explore: Annotated[Literal["random", "information", "blind"], _TRIALS] = Field(
         "random",
         description="The scan's test readings in random order, or touches in the robot's frame, pressed on demand: "

@@ -51,19 +51,6 @@ if TYPE_CHECKING:
     from tactsim.estimators.pad_fit import PadFit
 
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
-# Options of a run that say nothing of the data it asks about.
-_OF_ANY_DATA = {
-    "estimator",
-    "bins",
-    "particles",
-    "set",
-    "trials",
-    "readings",
-    "seed",
-    "explore",
-    "stop_at",
-    "bound",
-}
 
 
 class _Config(AnyConfig):
@@ -341,7 +328,7 @@ class Plane(Kind):
     def nexts(self, run: Run) -> list[str]:
         """Suggest the default estimator, or to choose the touches."""
         config = RunConfig(**run.config)
-        plain = config.model_dump(exclude_defaults=True).keys() <= _OF_ANY_DATA
+        plain = config.source == RunConfig(seed=config.seed).source and not config.slip
         again, standard = (
             "bench run" if plain else "the same data with",
             RunConfig.model_fields["estimator"].default,

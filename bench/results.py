@@ -124,13 +124,17 @@ class Run:
     @property
     def ended(self) -> str | None:
         """Say after how many touches trials ended, and how often they were right then; None if all took all."""
-        stop_at = self.config.get("stop_at")
-        if stop_at is None:
+        stop_at, touches = self.config.get("stop_at"), self.summary["touches"]
+        if stop_at is None and touches == self.readings:
             return None
-        touches, right = self.summary["touches"], self.summary["accuracy"][-1]
+        rule = (
+            ""
+            if stop_at is None
+            else f" when the most probable {self.kind.thing} had p of {stop_at:g} or more"
+        )
         return (
-            f"a trial ended when the most probable {self.kind.thing} had p of {stop_at:g} or more: after {touches:.1f} "
-            f"touches on average, {right:.2f} right then; later figures repeat its last answer"
+            f"a trial ended{rule}: after {touches:.1f} touches on average, {self.summary['accuracy'][-1]:.2f} right "
+            "then; later figures repeat its last answer"
         )
 
     @property
