@@ -22,9 +22,8 @@ LARGEST_REACH = 500.0  # mm from the centre of area; how far a scan reaches depe
 LEAST_AREA = 1.0  # mm^2, a third of one taxel of the pad
 MOST_CORNERS = 2000  # corners of the face's outline after straightening
 DETAIL = 0.01  # mm: finer detail is left out; of a small shape less in proportion
-STRAIGHT = (
-    0.003  # mm by which an outline may be off where it is straightened; a dot of 1 mm loses 0.4 % of its area
-)
+# mm by which an outline may be off where it is straightened; a dot of 1 mm loses 0.4 % of its area
+STRAIGHT = 0.003
 SMALL = 20.0  # mm
 TOUCHING = 1e-5  # mm: corners and edges nearer than this are moved apart by twice as much
 MOST_TRACED = 20_000  # corners before straightening, whose time grows with the square of their number

@@ -23,12 +23,7 @@ from tactsim.estimators.options import FilterOptions
 class ParticleOptions(FilterOptions):
     """Options of the particle filter."""
 
-    particles: int = Field(
-        10_000,
-        ge=1,
-        le=10_000_000,
-        description="n_P, the total over all letters",
-    )
+    particles: int = Field(10_000, ge=1, le=10_000_000, description="n_P, the total over all letters")
     noise_mm: float = Field(1.0, ge=0, le=100, description="sigma of the command update in x and y, mm")
     noise_rad: float = Field(0.1, ge=0, le=10, description="sigma of the command update in the angle, rad")
     rho: float = Field(1.0, gt=0, le=3, description="rho of eq. 10, mm and rad")

@@ -175,10 +175,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "tactsim.estimators.likelihoods.calibrated:CalibratedLikelihood",
         "classes, how often each comes counted over the training readings",
     ),
-    "force": (
-        "tactsim.estimators.likelihoods.force:ForceLikelihood",
-        "pressures, from a mosaic of planes",
-    ),
+    "force": ("tactsim.estimators.likelihoods.force:ForceLikelihood", "pressures, from a mosaic of planes"),
     "graded": (
         "tactsim.estimators.likelihoods.graded:GradedLikelihood",
         "grades of the reading's own pressure, counted over the training readings",

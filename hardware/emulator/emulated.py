@@ -406,12 +406,7 @@ class _Line:
 
 
 def _talk(
-    line: _Line,
-    device: Emulated,
-    faults: Faults,
-    rng: np.random.Generator,
-    clock: _Clock,
-    stop: Event,
+    line: _Line, device: Emulated, faults: Faults, rng: np.random.Generator, clock: _Clock, stop: Event
 ) -> None:
     """Let the device hear and speak until the host is gone, a fault cuts the line, or `stop`."""
     pending = b""  # the rest of a frame that the host was too slow for

@@ -36,21 +36,15 @@ if TYPE_CHECKING:
     from tactsim.press.sensor import SensorOptions
 
 _HOME = {
-    "AttachedPad": "attach.attached_pad",
-    "PadReader": "attach.pad_reader",
-    "PadReading": "attach.pad_reader",
-    "attach": "attach.attached_pad",
-    "bind": "attach.attached_pad",
-    "PressModel": "press.press_model",
-    "forward_model": "press.press_model",
-    "PressOptions": "press.scan_options",
-    "ScanOptions": "press.scan_options",
-    "SensorOptions": "press.sensor",
-    "WORLDS": "press.scan_options",
-    "Press": "press.engine",
-    "press_letter": "press.engine",
-    "scan_letters": "press.scanning",
+    "attach.attached_pad": ("AttachedPad", "attach", "bind"),
+    "attach.pad_reader": ("PadReader", "PadReading"),
+    "press.engine": ("Press", "press_letter"),
+    "press.press_model": ("PressModel", "forward_model"),
+    "press.scan_options": ("PressOptions", "ScanOptions", "WORLDS"),
+    "press.scanning": ("scan_letters",),
+    "press.sensor": ("SensorOptions",),
 }
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
     "WORLDS",
@@ -101,6 +95,6 @@ sys.modules[__name__].__class__ = CallablePackage
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"tactsim.{_HOME[name]}"), name)
+    return getattr(import_module(f"tactsim.{_MODULE_OF[name]}"), name)

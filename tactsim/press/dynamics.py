@@ -51,9 +51,8 @@ from tactsim.press.touches import Pressed, Touches, UnsettledError, unsettled
 
 _FEEDBACK = 1.0  # a above
 _TOUCH = 0.25  # share of the force that is the set point at touch, and so sets the speed of touch
-_DAMPED = (
-    1.0  # most that the layer's damping may add to its force, as a share, by the carriage's speed in contact
-)
+# Most that the layer's damping may add to its force, as a share, by the carriage's speed in contact.
+_DAMPED = 1.0
 _BRAKING = 100.0  # 1/s: most by which the speed of approach falls with the distance that is left
 _BRAKING_SHARE = 1 / 8  # and as a share of the servo's rate, which must follow
 
@@ -142,9 +141,8 @@ class ForceControl:
         return measured + gain * (wanted - velocity)
 
 
-_SETTLED = (
-    2e-4  # share of the force that contacts may miss, and by which they may change while they are at rest
-)
+# share of the force that contacts may miss, and by which they may change while they are at rest
+_SETTLED = 2e-4
 _REST = 0.02  # s for which they do; or so many time constants of the controlled contact, if that is longer
 _REST_CONSTANTS = 2.0
 _BAND = 0.02  # share of the force: a press has settled once it stays within

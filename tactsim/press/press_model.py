@@ -28,12 +28,10 @@ from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along
 from tactsim.press.touches import log_spread
 
-_NODES_PER_SIGMA = (
-    50  # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
-)
-_LEAST_NOISE = (
-    0.01  # of the load spread evenly over the pad: of a pad without noise nobody could begin to search
-)
+# of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
+_NODES_PER_SIGMA = 50
+# of the load spread evenly over the pad: of a pad without noise nobody could begin to search
+_LEAST_NOISE = 0.01
 _MOTIONS = 3  # of the derivatives, the first three are the sensor's own motions
 
 

@@ -17,16 +17,7 @@ import numpy as np
 from tactsim.core.poses import FloatArray
 from tactsim.models.relief import Relief
 from tactsim.press.bed import Bed
-from tactsim.press.facet_kernels import (
-    BURIED,
-    NO_CONTACT,
-    STATE,
-    TIPPED,
-    Cells,
-    Field,
-    Layer,
-    press_all,
-)
+from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, TIPPED, Cells, Field, Layer, press_all
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.spread import contact_map
 from tactsim.press.touches import Pressed, Touches

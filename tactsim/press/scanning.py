@@ -248,10 +248,7 @@ def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counte
 
 
 def _sequences(
-    batches: Sequence[_Batch],
-    ideal: Sequence[_Ideal],
-    kept: Sequence[NDArray[np.intp]],
-    options: ScanOptions,
+    batches: Sequence[_Batch], ideal: Sequence[_Ideal], kept: Sequence[NDArray[np.intp]], options: ScanOptions
 ) -> dict[str, Any]:
     """Sense the images of the presses `kept`; each batch has a random stream for them of its own.
 

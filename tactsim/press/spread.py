@@ -29,9 +29,8 @@ _FELT = 6.0  # times sigma: an edge farther away is not felt, by 1e-9
 # Cells of all presses at a time. So few stay in the cache, and BLAS does not start threads, which would cost more
 # than they save.
 _BLOCK = 8192
-_QUADRATURE = (
-    8  # points per axis and cell for the projection below; exact to 1e-12 for cells up to 3 sigma wide
-)
+# Points per axis and cell for the projection below; exact to 1e-12 for cells up to 3 sigma wide.
+_QUADRATURE = 8
 
 
 @lru_cache(maxsize=8)
@@ -122,12 +121,7 @@ class _Felt(NamedTuple):
 
 
 def contact_map(
-    bed: Bed,
-    pressure: FloatArray,
-    gradient: FloatArray | None,
-    pad: Pad,
-    cells_per_taxel: int,
-    sigma: float,
+    bed: Bed, pressure: FloatArray, gradient: FloatArray | None, pad: Pad, cells_per_taxel: int, sigma: float
 ) -> FloatArray:
     """Average the spread contact pressure over each taxel: (presses, taxels) kPa, no imperfections.
 

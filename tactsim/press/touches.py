@@ -17,9 +17,8 @@ from tactsim.models.letter import Letter
 if TYPE_CHECKING:
     from tactsim.press.scan_options import ScanOptions
 
-MOST_TILT = (
-    0.35  # rad, 20 degrees: what tilts further has tipped over; `facet_kernels.STEEPEST`, held by a test
-)
+# rad, 20 degrees: what tilts further has tipped over; `facet_kernels.STEEPEST`, held by a test
+MOST_TILT = 0.35
 TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
 
 
@@ -67,11 +66,7 @@ class Touches:
 
 
 def as_pressed(
-    letter: Letter,
-    stated: FloatArray,
-    split: str,
-    options: ScanOptions,
-    draw: Callable[[str], Normals],
+    letter: Letter, stated: FloatArray, split: str, options: ScanOptions, draw: Callable[[str], Normals]
 ) -> Touches:
     """Say how a letter is truly pressed at stated poses (n, 3) sensor_in_object: misplaced, tilted, with what load.
 

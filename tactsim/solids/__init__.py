@@ -27,23 +27,13 @@ if TYPE_CHECKING:
     from tactsim.solids.symmetry import SpaceSymmetry
 
 _HOME = {
-    "Hand": "press",
-    "HandPress": "press",
-    "Solid": "body",
-    "SpaceOptions": "scan",
-    "SpacePress": "press",
-    "SpaceSymmetry": "symmetry",
-    "Touched": "press",
-    "mirrored": "body",
-    "random_starts": "press",
-    "read_solid_file": "body",
-    "scan_solids": "press",
-    "solid": "catalogue",
-    "solid_names": "catalogue",
-    "solid_of": "body",
-    "solids_of": "press",
-    "touch_grid": "press",
+    "body": ("Solid", "mirrored", "read_solid_file", "solid_of"),
+    "catalogue": ("solid", "solid_names"),
+    "press": ("Hand", "HandPress", "SpacePress", "Touched", "random_starts", "scan_solids", "solids_of", "touch_grid"),
+    "scan": ("SpaceOptions",),
+    "symmetry": ("SpaceSymmetry",),
 }
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
     "Hand",
@@ -66,6 +56,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

@@ -189,11 +189,7 @@ def page(runs: Mapping[str, Run], replayed: Mapping[str, Sequence[Again]], remar
     }
     return render(
         f"{_REPORT}page.html",
-        scripts=[
-            f"{_REPORT}base.js",
-            f"{_REPORT}tables.js",
-            f"{_SPACE}space.js",
-        ],
+        scripts=[f"{_REPORT}base.js", f"{_REPORT}tables.js", f"{_SPACE}space.js"],
         styles=[f"{_REPORT}page.css", f"{_SPACE}space.css"],
         title=f"{REPORT_TITLE}objects in space, {counted(len(runs), 'run')}",
         plots={

@@ -16,11 +16,7 @@ from tactsim.press import forward_model
 LETTERS, READINGS = "AEI", 5
 FAR = [(500.0, 0.0, 0.0), (-3000.0, 271.8, 0.0), (7000.0, 7000.0, 0.0), (1234.5, -6000.0, 2.0)]
 # Deterministic ones, with options that make them quick.
-KINDS = {
-    "histogram": {"split": "20x20x24"},
-    "refined": {"cell": 0.8},
-    "nearest": {},
-}
+KINDS = {"histogram": {"split": "20x20x24"}, "refined": {"cell": 0.8}, "nearest": {}}
 # These take their time.
 LONG = [pytest.param(name, marks=pytest.mark.long) for name in ("force-mosaic", "synthesis")]
 

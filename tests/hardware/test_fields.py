@@ -136,10 +136,7 @@ def test_counts_become_pressures_and_back():
         ([{"is": "taxels", "count": 1}], "must begin with a header, end with a footer, or have a checksum"),
         ([{"is": "taxels", "count": 1}, HEADER], "header must be the first"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
-        (
-            [HEADER, {"is": "taxels", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}],
-            "not fit",
-        ),
+        ([HEADER, {"is": "taxels", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}], "not fit"),
         (
             [HEADER, {"is": "taxels", "count": 6}, {"is": "checksum", "kind": "sum8", "skip": 3}],
             "the checksum does not cover the taxels",

@@ -53,8 +53,7 @@ def test_the_file_is_what_the_documentation_says(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("on", "faults"),
-    [("tcp", Faults()), ("pty", Faults(drop=0.002, flip=0.002, torn=0.02, garbage=0.05))],
+    ("on", "faults"), [("tcp", Faults()), ("pty", Faults(drop=0.002, flip=0.002, torn=0.02, garbage=0.05))]
 )
 def test_replay_gives_bit_equal_readings(tmp_path, paper_pad, emulated_pad, on, faults):
     with serving(emulated_pad, on=on, faults=faults) as url, Recorder(tmp_path / "a") as recorder:
@@ -221,12 +220,7 @@ def spreadsheet(separator, point, mark="", quote=""):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        spreadsheet(",", "."),
-        spreadsheet(";", ","),
-        spreadsheet(";", ".", mark="\ufeff", quote='"'),
-    ],
+    "content", [spreadsheet(",", "."), spreadsheet(";", ","), spreadsheet(";", ".", mark="\ufeff", quote='"')]
 )
 def test_the_vendors_csv_is_a_recording_too_as_it_is_and_as_a_spreadsheet_saved_it(tmp_path, content):
     (tmp_path / "a.csv").write_bytes(content)

@@ -45,10 +45,7 @@ def test_marks_count_on_the_hosts_clock_where_the_device_has_none(tmp_path):
     ("content", "message"),
     [
         ("", "no line names its columns, which are label, split, x_mm"),
-        (
-            "label,split,x_mm,y_mm,theta_rad,first_s,last_s\n,,,,,,\n",
-            "holds no marks: there is no row below",
-        ),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\n,,,,,,\n", "holds no marks: there is no row below"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,-0.1,1\n", "line 2: first_s"),
         (
             "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n",

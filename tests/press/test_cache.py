@@ -46,10 +46,7 @@ def test_a_damaged_file_is_made_again(own_cache, damage):
 
 @pytest.mark.parametrize(
     "other",
-    [
-        level_scan(letters=("E", "I"), seed=1),
-        level_scan(letters=("E", "I"), press=level_press(force=1.0)),
-    ],
+    [level_scan(letters=("E", "I"), seed=1), level_scan(letters=("E", "I"), press=level_press(force=1.0))],
 )
 def test_what_changes_a_reading_changes_the_key(other):
     scan_letters(OPTIONS)

@@ -16,14 +16,7 @@ from tactsim.core import InputError, rigid
 from tactsim.models.relief import Relief
 from tactsim.press import relief
 from tactsim.press.touches import Touches
-from tactsim.solids import (
-    SpaceOptions,
-    SpacePress,
-    random_starts,
-    scan_solids,
-    solids_of,
-    touch_grid,
-)
+from tactsim.solids import SpaceOptions, SpacePress, random_starts, scan_solids, solids_of, touch_grid
 from tactsim.solids.scan import SpaceScan
 
 FORCE, STIFFNESS = 2.0, 0.05  # N, N/mm^3

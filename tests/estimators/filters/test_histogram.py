@@ -33,8 +33,7 @@ def summary(fitted, table):
 
 
 @pytest.mark.parametrize(
-    ("split", "skip", "pad"),
-    [("5x4x3", True, (6, 6)), ("3x9x2", False, (3, 5)), ("1x1x1", True, (1, 1))],
+    ("split", "skip", "pad"), [("5x4x3", True, (6, 6)), ("3x9x2", False, (3, 5)), ("1x1x1", True, (1, 1))]
 )
 def test_belief_is_the_joint_table_by_brute_force(split, skip, pad):
     scan = make_scan("EI", square_pad(*pad), COARSE)

@@ -6,13 +6,7 @@ from synthetic import CHEAPER, draw_trial, fitted, follow, quick_first
 
 from tactsim import estimators
 
-NOT_SHOWING = (
-    "synthesis",
-    "nearest",
-    "bag-of-features",
-    "whole-image",
-    "space-refined",
-)
+NOT_SHOWING = ("synthesis", "nearest", "bag-of-features", "whole-image", "space-refined")
 SHOWING = [name for name in estimators.names() if name not in NOT_SHOWING]
 
 

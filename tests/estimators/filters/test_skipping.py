@@ -17,12 +17,7 @@ CASES = [
     ("augmented-mcl", {"particles": 2000}),
 ]
 # What rounding moves: mm and rad of a pose, and a probability.
-ROUNDING = {
-    "histogram": (0, 1e-7),
-    "refined": (1e-9, 1e-9),
-    "particle": (0, 0),
-    "augmented-mcl": (0, 0),
-}
+ROUNDING = {"histogram": (0, 1e-7), "refined": (1e-9, 1e-9), "particle": (0, 0), "augmented-mcl": (0, 0)}
 
 
 @pytest.mark.parametrize(("name", "options"), CASES, ids=str)

@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 
 from tactsim.core import Scan
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT
-from tactsim.estimators.likelihoods.occupancy import (
-    OccupancyMap,
-    learn_maps,
-    log_odds,
-    log_odds_of,
-    sigmoid,
-)
+from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps, log_odds, log_odds_of, sigmoid
 
 
 def one_reading(value, pose=(0.0, 0.0, 0.0), taxel_xy=((0.0, 0.0),)):
