@@ -11,7 +11,6 @@ elsewhere, and what that taxel felt. It depends neither on the unit of the readi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -27,7 +26,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PlaneBelief
 from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood, quantile_edges
 from tactsim.estimators.likelihoods.classifier import lehmer_mean, threshold_of
-from tactsim.estimators.likelihoods.folds import can_leave_out
+from tactsim.estimators.likelihoods.folds import can_leave_out, some_labels
 from tactsim.estimators.likelihoods.force import ForceLikelihood
 from tactsim.estimators.likelihoods.likelihood import kind_of
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
@@ -322,14 +321,12 @@ def _single(values: FloatArray) -> FloatArray:
 
 # Bins of equally many taxels in which predictions and pressures are counted.
 _PREDICTED, _FELT = 16, 8
-# One number is learned from all letters: more than these are not needed for it.
-_LETTERS = 6
 
 
 def some_letters(scan: Scan) -> Scan:
     """Keep the training readings of at most six letters, the same ones in whatever order they come."""
     train = scan.where("train")
-    return train.of_letters(sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS) or 1])
+    return train.of_letters(some_labels(train))
 
 
 def class_information(scan: Scan, options: LikelihoodOptions) -> float:

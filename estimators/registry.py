@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short, some
-from tactsim.core.plug_ins import Registry
+from tactsim.core.plug_ins import Registry, fault_of_class
 from tactsim.estimators.estimator import Estimator, Options, no_exit
 from tactsim.estimators.likelihoods.likelihood import kind_of
 from tactsim.estimators.options import LikelihoodOptions, joined
@@ -83,15 +83,8 @@ _GIVEN_UP_OPTIONS = {
 }
 
 
-def _fault(chosen: Any) -> str | None:
-    if not (isinstance(chosen, type) and issubclass(chosen, Estimator)):
-        return "is no subclass of estimators.Estimator"
-    missing = ", ".join(sorted(chosen.__abstractmethods__))
-    if missing:
-        return f"does not define {missing}"
-    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
-        return "has options_type that is no subclass of estimators.Options"
-    return None
+def _fault(found: Any) -> str | None:
+    return fault_of_class(found, Estimator, "estimators.Estimator", Options)
 
 
 _ESTIMATORS = Registry("estimator", GROUP, BUILT_IN, _fault)

@@ -5,6 +5,5 @@ scoring; of the other rooms it sees `core` alone.
 
 A reading's way: `port` moves bytes, a codec (`codecs`) makes frames of them, `stream` joins the
 frames of all parts of a pad to readings, and `calibration` corrects them. `sources` opens a port, a
-recording or a plug-in by its name; each is a `tactsim.core.source.Source`, and `wrappers` adds
-correction and recording to any of them.
+recording or a plug-in by its name; each is a `tactsim.core.source.Source`.
 """

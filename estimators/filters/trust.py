@@ -44,7 +44,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, field_of
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mostly_held, sums_of_readings
-from tactsim.estimators.likelihoods.folds import LeftOut, folds, presses
+from tactsim.estimators.likelihoods.folds import LeftOut, folds, presses, some_labels
 from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 
 
@@ -169,8 +169,6 @@ def shown_error(weight: float, readings: int, influence: float) -> float:
 
 # So many sequences of a number of readings of a letter are tried, at poses off by so many moves.
 _SEQUENCES, _MOVES = 120, 4096
-# What is learned is one number: more letters than these are not needed for it.
-_LETTERS = 6
 # mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
 _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _ROOT = 1.1673039782614187  # of x^5 = x + 1
@@ -181,7 +179,7 @@ _LOWEST, _HIGHEST, _BISECTIONS = 0.02, 2.0, 8
 def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
     train, rng = scan.where("train"), np.random.default_rng(0)
-    labels = _some_labels(train)
+    labels = some_labels(train)
     moves = _MOVES if isinstance(likelihood, TaxelSum) else _MOVES // 4  # others take many times as long
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0), moves)
     errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
@@ -192,14 +190,12 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
         log_p = [one.log_p for one in left_out]
         misfits = np.concatenate([one.most - one.log_p[:, size.argmin()] for one in left_out])
         found = [_typical(log_p, count, shift, size, rng) for count in (FEW, MANY)]
-        errors.append([one.error for one in found])
-        seen.append([one.seen for one in found])
-        longest = found[1].readings
+        errors.append([error for error, _, _ in found])
+        seen.append([share for _, share, _ in found])
+        longest = found[1][2]
     few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
     growth = max(0.0, (many - few) / math.log(longest / FEW)) if longest > FEW else 0.0
-    own = (
-        few - growth * math.log(FEW) if growth else (few + many) / 2
-    )  # one number from both if there is no growth
+    own = few - growth * math.log(FEW) if growth else (few + many) / 2  # one number from both without growth
     own = max(own, growth, 1 / _HIGHEST)  # with less, two readings would say less than one
     trained = len(train) / len(train.letters)
     few_seen, many_seen = np.mean(seen, axis=0).tolist()
@@ -207,11 +203,6 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     if np.isfinite(misfits).all():  # what the likelihood says at most is known
         misfit = Misfit(float(misfits.mean()), float(misfits.std()))  # as at new places
     return Trust(own, growth, own / trained, few_seen, many_seen, longest, misfit)
-
-
-def _some_labels(train: Scan) -> list[str]:
-    """Choose objects to learn a weight from, in any order of the scan the same."""
-    return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS)]
 
 
 @dataclass(frozen=True)
@@ -225,24 +216,13 @@ class _LeftOut:
     most: FloatArray
 
 
-@dataclass(frozen=True)
-class _Typical:
-    """What sequences of left-out readings say of an error.
-
-    error: 1 / weight. seen: the share of it that the jackknife finds. readings: in a sequence, the mean of the letters.
-    """
-
-    error: float
-    seen: float
-    readings: float
-
-
 def _typical(
     log_p: Sequence[FloatArray], count: int, shift: FloatArray, size: FloatArray, rng: np.random.Generator
-) -> _Typical:
+) -> tuple[float, float, float]:
     """Learn from sequences of so many readings: the means of the letters but the least and the greatest.
 
-    The turn of a round letter is free, and only small turns are tried.
+    The turn of a round letter is free, and only small turns are tried. Returns the error, 1 / weight; the share of it
+    that the jackknife finds; and how many readings a sequence has, the mean of the letters.
     """
     found = []
     # As many moves are in each shell as in any other, though its volume grows with the cube of its size.
@@ -255,7 +235,7 @@ def _typical(
         readings = drawn.shape[1]
         found.append((1 / weight, weight * shown_error(weight, readings, moved) if readings > 1 else 0.0))
     error, seen = np.sort(found, axis=0)[1:-1].mean(axis=0) if len(found) > 2 else np.mean(found, axis=0)
-    return _Typical(float(error), float(seen), float(np.mean([min(len(one), count) for one in log_p])))
+    return float(error), float(seen), float(np.mean([min(len(one), count) for one in log_p]))
 
 
 def _at_a_new_place(kept: float, gone: float) -> float:

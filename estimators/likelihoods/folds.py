@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ _APART = 1.0
 _SAME = 1e-6
 # Levels of load that are told apart.
 _LEVELS, _COMMON = 4, 0.1
+_LETTERS = 6  # more are not needed to learn one number
 # mm; a place is known if a taxel lay as near as that.
 _NEAR = 1.0
 
@@ -43,6 +45,11 @@ def _pressed(train: Scan) -> tuple[FloatArray, NDArray[np.intp]]:
     which, count = which.reshape(-1), np.bincount(which.reshape(-1))
     middle = [np.round(np.bincount(which, train.poses[:, axis]) / count, 9) for axis in (0, 1)]
     return np.column_stack([*middle, train.poses[first, 2]]), which
+
+
+def some_labels(train: Scan) -> list[str]:
+    """Choose six objects at most, from which a number of all is learned, in any order of the scan the same."""
+    return sorted(train.letters)[:: math.ceil(len(train.letters) / _LETTERS) or 1]
 
 
 def can_leave_out(train: Scan) -> bool:

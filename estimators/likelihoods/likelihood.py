@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tactsim.core import Scan, compose, transform
-from tactsim.core.plug_ins import Registry
+from tactsim.core.plug_ins import Registry, fault_of_class
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
 from tactsim.estimators.likelihoods.classifier import UNKNOWN
@@ -187,14 +187,8 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 }
 
 
-def _fault(chosen: Any) -> str | None:
-    if not (isinstance(chosen, type) and issubclass(chosen, Likelihood)):
-        return "is no subclass of tactsim.estimators.Likelihood"
-    if missing := ", ".join(sorted(chosen.__abstractmethods__)):
-        return f"does not define {missing}"
-    if not (isinstance(chosen.options_type, type) and issubclass(chosen.options_type, Options)):
-        return "has options_type that is no class of options"
-    return None
+def _fault(found: Any) -> str | None:
+    return fault_of_class(found, Likelihood, "tactsim.estimators.Likelihood", Options)
 
 
 _LIKELIHOODS = Registry("likelihood", GROUP, BUILT_IN, _fault)

@@ -231,16 +231,10 @@ class TiltedMosaics:
         readings, cover, slope = (np.concatenate([one[i][::every] for one in seen]) for i in range(3))
         for _ in range(_ROUNDS):
             fit = self._planes(readings, cover, slope)
-            sources = _sources(
-                self.gain * cover * fit.pressure, (self.gain * fit.pressure) ** 2 * slope
-            ).reshape(-1, 3)
+            predicted, steep = self.gain * cover * fit.pressure, (self.gain * fit.pressure) ** 2 * slope
+            sources = np.stack([np.ones_like(predicted), predicted**2, steep], axis=-1).reshape(-1, 3)
             expected = fit.variance.ravel()
             variance = non_negative(sources / expected[:, None], fit.error.ravel() ** 2 / expected)
             self.variance = np.maximum(variance, [(_LEAST_ERROR * self.typical) ** 2, 0, 0])
         spread = np.sqrt((fit.coefficients**2).mean(axis=0))
         self.prior = np.maximum([spread[0], *[np.sqrt((spread[1:] ** 2).mean())] * 2], _LEAST)
-
-
-def _sources(predicted: FloatArray, slope: FloatArray) -> FloatArray:
-    """List what a variance comes from: (..., 3), for predicted pressures and their squared slopes."""
-    return np.stack(np.broadcast_arrays(1.0, predicted**2, slope), axis=-1)

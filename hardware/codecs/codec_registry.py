@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Annotated, Any, cast
 
 from pydantic import BeforeValidator, SerializeAsAny
 
 from tactsim.core.errors import InputError
-from tactsim.core.plug_ins import Registry
+from tactsim.core.plug_ins import Registry, fault_of_class
 from tactsim.hardware.codecs.codec import CodecFormat
 
 GROUP = "tactsim.codecs"
@@ -32,9 +31,7 @@ BUILT_IN: dict[str, tuple[str, str]] = {
 
 
 def _fault(found: Any) -> str | None:
-    if not (isinstance(found, type) and issubclass(found, CodecFormat)):
-        return "is no subclass of tactsim.hardware.codecs.codec.CodecFormat"
-    return "does not define build" if inspect.isabstract(found) else None
+    return fault_of_class(found, CodecFormat, "tactsim.hardware.codecs.codec.CodecFormat")
 
 
 _CODECS = Registry("codec", GROUP, BUILT_IN, _fault)

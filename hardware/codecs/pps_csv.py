@@ -27,18 +27,20 @@ from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
 _TIMES = {
-    "time",
-    "timestamp",
-    "datetime",
-    "elapsed",
-    "t",
-    "seconds",
-    "millis",
-    "micros",
-    "milli",
-    "micro",
-    "msec",
-    "usec",
+    *[
+        "time",
+        "timestamp",
+        "datetime",
+        "elapsed",
+        "t",
+        "seconds",
+        "millis",
+        "micros",
+        "milli",
+        "micro",
+        "msec",
+        "usec",
+    ]
 }
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
 # Of a date that is not in ISO 8601 nobody knows the month; the time of day is enough.
@@ -60,12 +62,8 @@ _UNITS = {
 _TIME_WORD = re.compile(r"(?:datetime|timestamp|time|elapsed|x_value|t(?![a-z]))[^a-zµμ]*", re.IGNORECASE)
 _LATEST = 4e9  # s since 1970, in 2096
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
-_BY_STEP = (
-    (1e-5, "days", _DAY),
-    (1, "s", 1.0),
-    (1e3, "ms", 1e-3),
-    (1e6, "us", 1e-6),
-)  # below which it is in that unit
+# Below which median step a time is in that unit.
+_BY_STEP = ((1e-5, "days", _DAY), (1, "s", 1.0), (1e3, "ms", 1e-3), (1e6, "us", 1e-6))
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
@@ -186,16 +184,15 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
+    remarks = [remark] if remark else []
     if dead.any():
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
-        also = f"; {remark}" if remark else ""
-        remark = f"taxel {lost}: NaN in every line, which counts as 0: never pressed{also}"
+        remarks.insert(0, f"taxel {lost}: NaN in every line, which counts as 0: never pressed")
     if wrapped:
-        also = f"; {remark}" if remark else ""
-        remark = f"{mending(stored, wrapped)}{also}"
+        remarks.insert(0, mending(stored, wrapped))
     if failed.any():
-        also = f"; {remark}" if remark else ""
-        remark = f"{failed.sum():,} of {len(failed):,} lines have a failed cell, as 65535 is, and are left out{also}"
+        lines = f"{failed.sum():,} of {len(failed):,} lines"
+        remarks.insert(0, f"{lines} have a failed cell, as 65535 is, and are left out")
     begun = clock[0] * tick if of_day or clock[0] * tick >= _SINCE_1970 else 0.0
 
     def frames() -> Iterator[Frame | str]:
@@ -221,15 +218,15 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     again = int((np.diff(times) == 0).sum())
     if 2 * again > len(times):
         said = f"{again} of {len(times)} lines have the time of the line before: the clock is coarser than the lines"
-        remark = f"{remark}; {said}" if remark else said
+        remarks.append(said)
     order = _order(times)
     if order is not None:
         placed = [frame for frame in every if isinstance(frame, Frame)]
         moved = int((order != np.arange(len(order))).sum())
         said = f"{moved} of {len(order)} lines are not in the order of their times, and were put there"
-        remark = f"{remark}; {said}" if remark else said
+        remarks.append(said)
         every = [*(placed[k] for k in order), *(text for text in every if isinstance(text, str))]
-    return names, iter(every), remark
+    return names, iter(every), "; ".join(remarks) or None
 
 
 def _order(times: FloatArray) -> NDArray[np.intp] | None:

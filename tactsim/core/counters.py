@@ -32,9 +32,8 @@ class Counters:
     missed: int = 0  # frames that the device's counter shows to be lost
     torn: int = 0  # frames that changed while they were read
     impossible: int = 0  # frames with a value that the device cannot say
-    repeats: int = (
-        0  # the same frame again: the host reads faster than the device measures, or the device hangs
-    )
+    # The same frame again: the host reads faster than the device measures, or the device hangs.
+    repeats: int = 0
     stale: int = 0  # answers that the bridge made up from old bytes
     strays: int = 0  # answers to a request that was not made, and frames of an unknown part
     timeouts: int = 0  # requests without an answer

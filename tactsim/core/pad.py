@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tactsim.core.checking import Settings, checked
 from tactsim.core.documents import read_toml
@@ -119,18 +119,9 @@ class Pad(Settings):
         With `gap_cells` the edges of taxels are lines too, so that a cell lies in one taxel or
         in none.
         """
-        return (
-            _lines(
-                _edges(self.columns, self.unread_columns, self.pitch_x, self.taxel_width, self.seam),
-                cells_per_taxel,
-                gap_cells,
-            ),
-            _lines(
-                _edges(self.rows, self.unread_rows, self.pitch_y, self.taxel_height, None),
-                cells_per_taxel,
-                gap_cells,
-            ),
-        )
+        columns = _edges(self.columns, self.unread_columns, self.pitch_x, self.taxel_width, self.seam)
+        rows = _edges(self.rows, self.unread_rows, self.pitch_y, self.taxel_height, None)
+        return _lines(columns, cells_per_taxel, gap_cells), _lines(rows, cells_per_taxel, gap_cells)
 
 
 def _edges(count: int, unread: int, pitch: float, taxel: float, seam: float | None) -> FloatArray:
@@ -184,3 +175,7 @@ def offsets(taxel_xy: FloatArray) -> float:
     It is the paper's 10 mm for the paper's pad, and grows with the pad.
     """
     return OFFSET * relative_size(taxel_xy)
+
+
+# A pad, or the path of a file that holds one.
+PadOrFile = Annotated[Pad, BeforeValidator(lambda pad: Pad.load(pad) if isinstance(pad, str | Path) else pad)]

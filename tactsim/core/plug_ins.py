@@ -23,6 +23,21 @@ class Listed:
     status: str
 
 
+def fault_of_class(found: Any, base: type, called: str, options: type | None = None) -> str | None:
+    """Say why what was found is no class of `base`, `called` so in the message, that can be made; None if it is one.
+
+    options: the base of its `options_type`, if it must have one.
+    """
+    if not (isinstance(found, type) and issubclass(found, base)):
+        return f"is no subclass of {called}"
+    if missing := ", ".join(sorted(getattr(found, "__abstractmethods__", ()))):
+        return f"does not define {missing}"
+    stated = getattr(found, "options_type", None)
+    if options is not None and not (isinstance(stated, type) and issubclass(stated, options)):
+        return "has options_type that is no class of options"
+    return None
+
+
 def plug_ins(group: str) -> tuple[EntryPoint, ...]:
     """List a group's entry points by name."""
     return tuple(sorted(entry_points(group=group), key=lambda point: point.name))

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from tactsim.core.checking import Settings, without_gone
-from tactsim.core.pad import Pad
+from tactsim.core.pad import Pad, PadOrFile
 from tactsim.core.poses import FloatArray
 from tactsim.press.sensor import SensorOptions
 from tactsim.press.spread import cell_lines
@@ -163,7 +162,9 @@ class ScanOptions(Settings):
         exclude_if=lambda unit: unit == "kPa",
         description="of the readings, and of all that says kPa in `sensor`: what a real pad's recordings have",
     )
-    pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
+    pad: PadOrFile = Field(
+        default_factory=Pad, description="its measures, or the path of a file that holds them"
+    )
     press: PressOptions = Field(default_factory=PressOptions)
     sensor: SensorOptions = Field(default_factory=SensorOptions)
 
@@ -171,11 +172,6 @@ class ScanOptions(Settings):
     def cell_lines(self) -> tuple[FloatArray, FloatArray]:
         """Give the edges of the bed's cells along the pad's x and y, mm."""
         return cell_lines(self.pad, self.press.cells_per_taxel, self.sensor.psf_sigma)
-
-    @field_validator("pad", mode="before")
-    @classmethod
-    def _pad_from_file(cls, pad: object) -> object:
-        return Pad.load(pad) if isinstance(pad, str | Path) else pad
 
     @model_validator(mode="after")
     def _fits_the_pad(self) -> ScanOptions:
@@ -186,11 +182,7 @@ class ScanOptions(Settings):
                 f"{self.pad.taxels} taxels make {cells:,} cells of the bed, more than {_MOST_CELLS:,}; choose "
                 f"fewer taxels, a smaller press.cells_per_taxel or a larger sensor.psf_sigma"
             )
-        beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
-        if beyond:
-            raise ValueError(
-                f"dead taxel {beyond[0]} does not exist: the pad's taxels are 0 to {self.pad.taxels - 1}"
-            )
+        self.sensor.check_dead_taxels(self.pad.taxels)
         return self
 
 

@@ -137,12 +137,17 @@ def letters_of(options: ScanOptions) -> list[models.Letter]:
     """
     letters = [models.letter(name, rounding=options.rounding) for name in options.letters]
     letters += [models.shape(path, rounding=options.rounding) for path in options.shapes]
-    twice = [name for name, count in Counter(letter.name for letter in letters).items() if count > 1]
-    if twice:
-        raise InputError(f"two letters or shapes are called {twice[0]!r}; each needs a name of its own")
-    if not letters:
-        raise InputError("there is nothing to press: name a letter or a shape")
+    check_names([letter.name for letter in letters], "letters or shapes", "press: name a letter or a shape")
     return letters
+
+
+def check_names(names: Sequence[str], what: str, nothing: str) -> None:
+    """Raise InputError if there is no name, or one twice. what, nothing: for the two messages."""
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"two {what} are called {twice[0]!r}; each needs a name of its own")
+    if not names:
+        raise InputError(f"there is nothing to {nothing}")
 
 
 def _batch(letter: models.Letter, split: str, options: ScanOptions) -> _Batch:

@@ -416,6 +416,12 @@ class DeadTaxels(Effect):
         readings[..., list(self.dead_taxels)] = 0.0
         return readings
 
+    def check_dead_taxels(self, taxels: int) -> None:
+        """Raise ValueError if one of them is none of a pad's so many taxels."""
+        for taxel in self.dead_taxels:
+            if taxel >= taxels:
+                raise ValueError(f"dead taxel {taxel} does not exist: the pad's taxels are 0 to {taxels - 1}")
+
 
 class RowDropout(Effect):
     """A row of the pad has no contact while it is touched, as where a flat cable sits loosely in its connector."""

@@ -29,7 +29,16 @@ if TYPE_CHECKING:
 _HOME = {
     "body": ("Solid", "mirrored", "read_solid_file", "solid_of"),
     "catalogue": ("solid", "solid_names"),
-    "press": ("Hand", "HandPress", "SpacePress", "Touched", "random_starts", "scan_solids", "solids_of", "touch_grid"),
+    "press": (
+        "Hand",
+        "HandPress",
+        "SpacePress",
+        "Touched",
+        "random_starts",
+        "scan_solids",
+        "solids_of",
+        "touch_grid",
+    ),
     "scan": ("SpaceOptions",),
     "symmetry": ("SpaceSymmetry",),
 }

@@ -6,7 +6,6 @@ The touches of a scan are those that teach it, even over an object's surface, an
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -37,6 +36,7 @@ from tactsim.core.rigid import (
 from tactsim.core.scan import SPLITS
 from tactsim.core.seeds import stream
 from tactsim.press.scan_options import ScanOptions
+from tactsim.press.scanning import check_names
 from tactsim.press.sensor import gains, sense
 from tactsim.press.spread import felt_along
 from tactsim.solids.scan import SpaceOptions, SpaceScan
@@ -328,11 +328,9 @@ class HandPress:
         stated, true = compose(start, self._pads), compose(true, self._pads)
         touched = self.press.touch_from(label, stated, true, self._strokes)
         stops = self._stops(touched.travel)
-        return (
-            touched
-            if (stops == touched.travel).all()
-            else self.press.touch_from(label, stated, true, np.minimum(stops, self._strokes))
-        )
+        if (stops == touched.travel).all():
+            return touched
+        return self.press.touch_from(label, stated, true, np.minimum(stops, self._strokes))
 
     def sensed(self, touched: Touched, rng: np.random.Generator) -> Touched:
         """Give the touches with what the pads report of them; see `SpacePress.sensed`."""
@@ -441,11 +439,7 @@ def solids_of(options: SpaceOptions) -> list[models.Solid]:
     """
     solids = [models.solid(name) for name in options.objects]
     solids += [models.read_solid_file(path) for path in options.meshes]
-    twice = [name for name, count in Counter(solid.name for solid in solids).items() if count > 1]
-    if twice:
-        raise InputError(f"two objects are called {twice[0]!r}; each needs a name of its own")
-    if not solids:
-        raise InputError("there is nothing to touch: name an object or a mesh")
+    check_names([solid.name for solid in solids], "objects", "touch: name an object or a mesh")
     return solids
 
 

@@ -6,16 +6,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from tactsim.core.checking import Settings
 from tactsim.core.errors import InputError
-from tactsim.core.pad import Pad
+from tactsim.core.pad import Pad, PadOrFile
 from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import POSE, checked_poses
 from tactsim.core.scan import Scan, as_names, as_numbers
@@ -74,13 +73,10 @@ class SpaceOptions(Settings):
         le=1,
         description="rad, standard deviation about each axis of a stated pose's error (assumed)",
     )
-    pad: Pad = Field(default_factory=Pad, description="its measures, or the path of a file that holds them")
+    pad: PadOrFile = Field(
+        default_factory=Pad, description="its measures, or the path of a file that holds them"
+    )
     sensor: SensorOptions = Field(default_factory=SensorOptions)
-
-    @field_validator("pad", mode="before")
-    @classmethod
-    def _pad_from_file(cls, pad: object) -> object:
-        return Pad.load(pad) if isinstance(pad, str | Path) else pad
 
     @model_validator(mode="after")
     def _radius_where_curved(self) -> SpaceOptions:
@@ -101,11 +97,7 @@ class SpaceOptions(Settings):
                 f"the pad has {points:,.0f} points {self.spacing:g} mm apart, more than {_MOST_POINTS:,}; choose a "
                 "larger spacing or fewer taxels"
             )
-        beyond = [taxel for taxel in self.sensor.dead_taxels if taxel >= self.pad.taxels]
-        if beyond:
-            raise ValueError(
-                f"dead taxel {beyond[0]} does not exist: the pad's taxels are 0 to {self.pad.taxels - 1}"
-            )
+        self.sensor.check_dead_taxels(self.pad.taxels)
         return self
 
 

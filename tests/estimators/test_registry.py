@@ -55,7 +55,6 @@ def test_every_built_in_is_made_listed_and_documented(name, request):
     text = (request.config.rootpath / "docs" / "estimators.md").read_text()
     assert f"`{name}`" in text
     for option, field in load(name).options_type.model_fields.items():
-        assert f"`{option}`" in text, option
         assert field.description, option  # the page of options is made of them
 
 
