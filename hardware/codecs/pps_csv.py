@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tactsim.core.finite import LARGEST
-from tactsim.core.idle import failed_cells, mending, unwrapped
+from tactsim.core.idle import failed_cells, flickering, mending, unwrapped
 from tactsim.core.poses import FloatArray
 from tactsim.hardware import text_tables
 from tactsim.hardware.codecs.codec import CodecError, CodecFormat, Frame
@@ -173,6 +173,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of readings{but}")
     names = [*(titles[line][time + 1 :] or titles[line][:time]), *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
+    whole[:, 1:][:, flickering(whole[:, 1:])] = np.nan
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
@@ -187,7 +188,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     remarks = [remark] if remark else []
     if dead.any():
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
-        remarks.insert(0, f"taxel {lost}: NaN in every line, which counts as 0: never pressed")
+        said = "no number in every line, or failed in many, counts as 0: never pressed"
+        remarks.insert(0, f"taxel {lost}: {said}")
     if wrapped:
         remarks.insert(0, mending(stored, wrapped))
     if failed.any():

@@ -90,26 +90,42 @@ class Idle:
 def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
     """Tell which cells of readings (n, taxels) failed: as 65535, 9999 or -9999, far from what all others read.
 
-    Far is further than all others lie apart; a taxel that reads so in more than a twentieth of the presses is not
-    judged. Cells without a number (NaN) have no say.
+    A taxel that reads so in more than a twentieth of the presses is not judged; see `flickering`. Cells without a
+    number (NaN) have no say.
     """
-    values = np.asarray(readings, dtype=float)
+    marks = _apart(np.asarray(readings, dtype=float))
+    return np.asarray(marks & (marks.mean(axis=0) <= _SELDOM)) if marks.any() else marks
+
+
+def flickering(readings: ArrayLike) -> NDArray[np.bool_]:
+    """Tell which taxels of readings (n, taxels) fail in more than a twentieth of the presses, not of most taxels."""
+    marks = _apart(np.asarray(readings, dtype=float))
+    often = marks.mean(axis=0) > _SELDOM if marks.any() else np.zeros(marks.shape[1:], dtype=bool)
+    return np.asarray(often & (often.mean() < _FEW))
+
+
+def _apart(values: FloatArray) -> NDArray[np.bool_]:
+    """Find numbers for what was not measured, further from what their taxel and the others read than these lie apart.
+
+    Of the others the widest taxels, a twentieth and one at least, have no say: they may be broken.
+    """
     marks = np.isin(values, list(_NO_READING))
-    failed = np.zeros(values.shape, dtype=bool)
-    if not marks.any():
-        return failed
-    marks &= marks.mean(axis=0) <= _SELDOM
     while marks.any():  # what lies within the others is a reading, from the innermost on
-        others = values[~marks & ~np.isnan(values)]
-        if not others.size:
-            return failed
-        low, high = others.min(), others.max()
-        beyond = np.where(marks, np.maximum(values - high, low - values), np.inf)
-        nearest = beyond.min()
+        unread = marks | np.isnan(values)
+        lows = np.where(unread, np.inf, values).min(axis=0)
+        highs = np.where(unread, -np.inf, values).max(axis=0)
+        said = np.flatnonzero(highs >= lows)
+        said = said[np.argsort((highs - lows)[said], kind="stable")]
+        said = said[: len(said) - max(1, len(said) // 20)] if len(said) > 2 else said
+        if not len(said):
+            return np.zeros(values.shape, dtype=bool)
+        low, high = lows[said].min(), highs[said].max()
+        beyond = np.maximum(values - np.maximum(highs, high), np.minimum(lows, low) - values)
+        nearest = np.where(marks, beyond, np.inf).min()
         if nearest > high - low:
-            return marks
+            break
         marks &= beyond > nearest
-    return failed
+    return marks
 
 
 def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
@@ -232,14 +248,27 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Counts that left 16 bits are mended and presses with failed cells left
-    out, unless "off"; where what taxels read at rest drifts from press to press, it is said. Raises InputError for
-    another word, for frames of another pad, and if no press is left.
+    (n, taxels) instead. Unless "off", counts that left 16 bits are mended, and taxels that fail often and presses with
+    failed cells are left out; where what taxels read at rest drifts from press to press, it is said. Raises InputError
+    for another word, for frames of another pad, and if no press is left.
     """
     mended, wrapped = unwrapped(scan.readings)
     if wrapped and zero != "off":
         taken, said = settled(replace(scan, readings=mended), zero, frames)
         return taken, f"{mending(scan.readings, wrapped)}; {said}"
+    broken = flickering(scan.readings)
+    if broken.any() and zero != "off":
+        kept, at = np.flatnonzero(~broken), ", ".join(map(str, np.flatnonzero(broken)))
+        kept_of = replace(
+            scan,
+            readings=scan.readings[:, kept],
+            taxel_xy=scan.taxel_xy[kept],
+            sequence=None if scan.sequence is None else scan.sequence[..., kept],
+        )
+        taken, said = settled(
+            kept_of, zero, frames if np.ndim(frames) == 0 else np.asarray(frames)[..., kept]
+        )
+        return taken, f"taxel {at} is left out: it fails in many presses, as 65535 is; {said}"
     failed = failed_cells(scan.readings)
     whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
     lost = int((~whole).sum())

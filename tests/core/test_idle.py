@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactsim.core import InputError, Scan
-from tactsim.core.idle import failed_cells, find_idle, settled, unwrapped
+from tactsim.core.idle import failed_cells, find_idle, flickering, settled, unwrapped
 
 TAXELS = 36
 
@@ -189,6 +189,28 @@ def test_presses_with_failed_cells_are_left_out_and_counted(turned, mark):
     assert set(taken.meta["idle"]["sign"]) == {turned}
     lost = f"{(~kept).sum():,} of {len(kept):,} readings with {failed.sum():,} failed cells, such as {mark!r}"
     assert said.startswith(lost)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("mark", [65535.0, 9999.0, -9999.0])
+@pytest.mark.parametrize("flicker", [65535.0, 9999.0, -9999.0, "random"])
+def test_failed_cells_are_found_beside_a_taxel_that_flickers(turned, mark, flicker):
+    """They turned the signs of most taxels: what one taxel reads made all of theirs look near."""
+    rng = np.random.default_rng(2)
+    whole = np.round(3000 + turned * 20 * pressed(presses=300))
+    failed = rng.random(whole.shape) < 0.01
+    readings = np.where(failed, mark, whole)
+    often = rng.random(len(readings)) < 0.2
+    readings[often, 2] = rng.integers(0, 65536, often.sum()) if flicker == "random" else flicker
+    taken, said = settled(scan_of(readings))
+    others = np.arange(whole.shape[1]) != 2
+    lost = failed[:, others].any(axis=1)
+    sign = np.array(taken.meta["idle"]["sign"])
+    assert ((sign[others] if flicker == "random" else sign) == turned).all()
+    if flicker != "random":
+        assert flickering(readings).nonzero()[0].tolist() == [2]
+        assert said.startswith("taxel 2 is left out: it fails in many presses")
+        assert taken.readings.shape == (len(whole) - lost.sum(), others.sum())
 
 
 def test_a_large_reading_among_others_is_no_failed_cell():

@@ -432,7 +432,7 @@ def test_a_taxel_that_is_nan_in_every_line_counts_as_0_and_is_said(tmp_path):
                 [1, 0, k, 4] for k in range(80) if k != 70
             ]
             assert [line[:22] for line in source.summary()] == [
-                "taxel 1: NaN in every ",
+                "taxel 1: no number in ",
                 "1 line left out as no ",
             ]
     (tmp_path / "a.csv").write_text(TITLE + "\n0,nan,nan,nan,nan\n")

@@ -111,6 +111,14 @@ def test_lines_with_a_failed_cell_are_left_out_and_counted(mark):
     assert "2 of 60 lines have a failed cell" in remark
 
 
+def test_a_taxel_that_fails_in_many_lines_counts_as_never_pressed():
+    rows = [[500 + at, 490 + at, 510, 505, 495 + at % 9] for at in range(60)]
+    lines = [", ".join(map(str, [40 * at, 65535 if at % 4 else 500, *row])) for at, row in enumerate(rows)]
+    _, frames, remark = read_table(iter(["Time [ms], a, b, c, d, e, f", *lines]))
+    assert [frame.values.tolist() for frame in frames] == [[0, *row] for row in rows]
+    assert remark == "taxel 0: no number in every line, or failed in many, counts as 0: never pressed"
+
+
 @pytest.mark.parametrize("seconds", [1.0, 1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("step", [0.035, 4.2, 300.0])
 def test_times_since_1970_tell_their_unit_whatever_their_steps(seconds, step):
