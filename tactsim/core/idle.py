@@ -258,17 +258,22 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         return taken, f"{mending(scan.readings, wrapped)}; {said}"
     broken = flickering(scan.readings)
     if broken.any() and zero != "off":
-        kept, at = np.flatnonzero(~broken), ", ".join(map(str, np.flatnonzero(broken)))
-        kept_of = replace(
+        left_out = dict(scan.meta.get("left_out", {}))
+        count = len(broken) + len(left_out)
+        of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in left_out])[broken].tolist()
+        left_out |= {str(taxel): "it fails in many presses, as 65535 is" for taxel in of_pad}
+        if np.shape(frames)[-1:] == broken.shape and count > len(broken):
+            frames = np.asarray(frames)[..., ~broken]  # without those that were left out before
+        reduced = replace(
             scan,
-            readings=scan.readings[:, kept],
-            taxel_xy=scan.taxel_xy[kept],
-            sequence=None if scan.sequence is None else scan.sequence[..., kept],
+            readings=scan.readings[:, ~broken],
+            taxel_xy=scan.taxel_xy[~broken],
+            sequence=None if scan.sequence is None else scan.sequence[..., ~broken],
+            meta={**scan.meta, "left_out": left_out},
         )
-        taken, said = settled(
-            kept_of, zero, frames if np.ndim(frames) == 0 else np.asarray(frames)[..., kept]
-        )
-        return taken, f"taxel {at} is left out: it fails in many presses, as 65535 is; {said}"
+        taken, said = settled(reduced, zero, frames)
+        numbers = ", ".join(map(str, of_pad))
+        return taken, f"taxel {numbers} is left out: it fails in many presses, as 65535 is; {said}"
     failed = failed_cells(scan.readings)
     whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
     lost = int((~whole).sum())

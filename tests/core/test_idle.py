@@ -211,6 +211,9 @@ def test_failed_cells_are_found_beside_a_taxel_that_flickers(turned, mark, flick
         assert flickering(readings).nonzero()[0].tolist() == [2]
         assert said.startswith("taxel 2 is left out: it fails in many presses")
         assert taken.readings.shape == (len(whole) - lost.sum(), others.sum())
+        assert set(taken.meta["left_out"]) == {"2"}
+        idle = np.full((5, TAXELS), 3000.0)
+        assert np.allclose(settled(scan_of(readings), frames=idle)[0].meta["idle"]["level"], 3000)
 
 
 def test_a_large_reading_among_others_is_no_failed_cell():
