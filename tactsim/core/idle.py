@@ -258,10 +258,10 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         return taken, f"{mending(scan.readings, wrapped)}; {said}"
     broken = flickering(scan.readings)
     if broken.any() and zero != "off":
-        left_out = dict(scan.meta.get("left_out", {}))
-        count = len(broken) + len(left_out)
-        of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in left_out])[broken].tolist()
-        left_out |= {str(taxel): "it fails in many presses, as 65535 is" for taxel in of_pad}
+        stated = dict(scan.meta.get("left_out", {}))
+        count = len(broken) + len(stated)
+        of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in stated])[broken].tolist()
+        stated |= {str(taxel): "it fails in many presses, as 65535 is" for taxel in of_pad}
         if np.shape(frames)[-1:] == broken.shape and count > len(broken):
             frames = np.asarray(frames)[..., ~broken]  # without those that were left out before
         reduced = replace(
@@ -269,7 +269,7 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
             readings=scan.readings[:, ~broken],
             taxel_xy=scan.taxel_xy[~broken],
             sequence=None if scan.sequence is None else scan.sequence[..., ~broken],
-            meta={**scan.meta, "left_out": left_out},
+            meta={**scan.meta, "left_out": stated},
         )
         taken, said = settled(reduced, zero, frames)
         numbers = ", ".join(map(str, of_pad))
