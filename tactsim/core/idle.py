@@ -262,7 +262,7 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         count = len(broken) + len(stated)
         of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in stated])[broken].tolist()
         stated |= {str(taxel): "it fails in many presses, as 65535 is" for taxel in of_pad}
-        if np.shape(frames)[-1:] == broken.shape and count > len(broken):
+        if frames is not None and count > len(broken) and np.shape(frames)[-1:] == broken.shape:
             frames = np.asarray(frames)[..., ~broken]  # without those that were left out before
         reduced = replace(
             scan,
