@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -35,10 +36,9 @@ def _spelled_out(model: type[BaseModel]) -> Callable[[Function], Function]:
     def spell(function: Function) -> Function:
         stated = inspect.signature(function)
         own = [one for one in stated.parameters.values() if one.kind != inspect.Parameter.VAR_KEYWORD]
+        keyword = inspect.Parameter.KEYWORD_ONLY
         words = [
-            inspect.Parameter(
-                name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation
-            )
+            inspect.Parameter(name, keyword, default=field.default, annotation=field.annotation)
             for name, field in model.model_fields.items()
             if name not in (*stated.parameters, "given")
         ]
@@ -71,13 +71,8 @@ def scan(
     _check_jobs(jobs)
     options = scan_options(letters=letters, **words)
     with _reporting(progress) as report:
-        return scan_letters(
-            options,
-            jobs=jobs,
-            cache=cache,
-            sequence=sequence,
-            progress=lambda done, total: report("press", done, total),
-        )[0]
+        pressing = partial(report, "press")
+        return scan_letters(options, jobs=jobs, cache=cache, sequence=sequence, progress=pressing)[0]
 
 
 @_spelled_out(RunConfig)
@@ -140,22 +135,12 @@ def run(
         words["scan"] = scan
     if isinstance(estimator, str):
         words["estimator"] = estimator
-    elif (
-        words.get("task") not in (None, *kinds.names())
-        and not estimator.proposes
-        and task(str(words["task"])).chosen
-    ):
-        words.setdefault("explore", "blind")  # as a task does for an estimator that is named
-    config = any_config(**words)
+    elif not estimator.proposes and (asked := words.get("task")) not in (None, *kinds.names()):
+        # As a task does for an estimator that is named.
+        words |= {"explore": "blind", **words} if task(str(asked)).chosen else {}
+    config, own = any_config(**words), None if isinstance(estimator, str) else estimator
     with _reporting(progress) as report:
-        return perform(
-            config,
-            scan=given,
-            estimator=None if isinstance(estimator, str) else estimator,
-            jobs=jobs,
-            cache=cache,
-            progress=report,
-        )
+        return perform(config, scan=given, estimator=own, jobs=jobs, cache=cache, progress=report)
 
 
 def sweep(
@@ -172,10 +157,8 @@ def sweep(
     _check_jobs(jobs)
     _, configs = sweeps.read(str(source))
     with _reporting(progress) as report:
-        return [
-            load(place)
-            for place in sweeps.perform(configs, Path(out), jobs=jobs, cache=cache, progress=report)
-        ]
+        places = sweeps.perform(configs, Path(out), jobs=jobs, cache=cache, progress=report)
+    return list(map(load, places))
 
 
 def compare(base: Run | str | Path, new: Run | str | Path) -> list[Difference]:

@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.config import STILL, Slip
 from tactsim.bench.placement import Properties, properties
-from tactsim.bench.score import Scored
+from tactsim.bench.score import Scored, mean_where, nones
 from tactsim.bench.trials import Progress, Trials, silent
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -329,17 +328,13 @@ def bound_curves(bounds: FloatArray, scored: Scored) -> dict[str, list[float | N
     trials = scored.trials
     counted = stated(bounds, trials)
     named = counted & trials.named & ~np.isnan(scored.error)
-    of_named = (
-        np.where(named, scored.error, 0).sum(axis=0),
-        np.where(named, bounds, 0).sum(axis=0),
-    )
+    errors, their_bounds = (np.where(named, values, 0).sum(axis=0) for values in (scored.error, bounds))
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(counted, bounds, 0).sum(axis=0) / counted.sum(axis=0)
-        ratio = of_named[0] / of_named[1]
+        ratio = errors / their_bounds
     return {
-        "bound_mm": _where(counted.sum(axis=0) > 0, mean),
+        "bound_mm": list(mean_where(bounds, counted)),
         "determined": determined(bounds, trials).mean(axis=0).tolist(),
-        "efficiency": _where(named.sum(axis=0) > 0, ratio),
+        "efficiency": list(nones(ratio)),
     }
 
 
@@ -361,7 +356,3 @@ def determined_below_mm(trials: Trials) -> float:
     """Give the bound, mm, from which on a trial counts as determined: larger where objects move in steps."""
     steps = np.diff(invert(trials.true_pose)[..., :2], axis=1)
     return max(MOST_MM, _STEPS * float(np.sqrt((steps**2).sum(axis=-1).mean()))) if steps.size else MOST_MM
-
-
-def _where(known: NDArray[np.bool_], values: FloatArray) -> list[Any]:
-    return [float(value) if of else None for of, value in zip(known, values, strict=True)]

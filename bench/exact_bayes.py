@@ -6,7 +6,7 @@ It knows how the readings were made, so no estimator is right more often but by 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,22 +40,15 @@ from tactsim.press.sensor import EFFECTS
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
 
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
-
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
-
-_DOUBT = (
-    20.0  # nats, which the prediction over a whole cell may be too low; a quarter of that over half a cell
-)
-
-_STEEPEST = (
-    1e4  # kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise
-)
-
+# nats, which the prediction over a whole cell may be too low; a quarter of that over half a cell.
+_DOUBT = 20.0
+# kPa, by which a taxel changes at most over a cell: beyond, as in a sliver, rounding eats the noise.
+_STEEPEST = 1e4
 _EDGES = 2  # rounds of splitting cells that do not touch and lie beside such that do
 
 
-@dataclass(frozen=True, eq=False)
-class _Cells:
+class _Cells(NamedTuple):
     """Parts of the state space: letter (n,), robot_in_object of their middles (n, 3), how often halved (n,), and the
     log-likelihood of the readings so far, averaged over the cell (n,).
     """
@@ -66,13 +59,10 @@ class _Cells:
     log_p: FloatArray
 
     def some(self, which: Any) -> _Cells:
-        return _Cells(self.letter[which], self.pose[which], self.depth[which], self.log_p[which])
+        return _Cells(*(column[which] for column in self))
 
     def and_also(self, others: _Cells) -> _Cells:
-        return _Cells(
-            np.concatenate([self.letter, others.letter]), np.concatenate([self.pose, others.pose]),
-            np.concatenate([self.depth, others.depth]), np.concatenate([self.log_p, others.log_p]),
-        )  # fmt: skip
+        return _Cells._make(map(np.concatenate, zip(self, others, strict=True)))
 
     @property
     def log_mass(self) -> FloatArray:
@@ -194,16 +184,12 @@ class ExactBayes(Estimator):
             rows = np.flatnonzero(cells.letter == letter)
             for first in range(0, len(rows), 4096):
                 some = rows[first : first + 4096]
-                found, touching[some] = self._log_likelihood(
-                    name,
-                    cells.pose[some],
-                    self._size / 2.0 ** cells.depth[some, None],
-                    reading,
-                    sensor_in_robot,
-                )
-                log_p[some] += found
+                size = self._size / 2.0 ** cells.depth[some, None]
+                found = self._log_likelihood(name, cells.pose[some], size, reading, sensor_in_robot)
+                log_p[some] += found[0]
+                touching[some] = found[1]
         self._evaluations += len(log_p)
-        return _Cells(cells.letter, cells.pose, cells.depth, log_p), touching
+        return cells._replace(log_p=log_p), touching
 
     def _log_likelihood(
         self, name: str, pose: FloatArray, size: FloatArray, reading: FloatArray, sensor_in_robot: FloatArray
@@ -222,8 +208,7 @@ class ExactBayes(Estimator):
         spread = np.concatenate([found.nuisance, within], axis=1)
         apart = reading - found.mean
         touching = (found.mean != 0).any(axis=1)
-        squared = (apart**2).sum(axis=1)
-        log_p = -squared / (2 * self._noise)
+        log_p = -(apart**2).sum(axis=1) / (2 * self._noise)
         u = spread[touching].clip(-_STEEPEST, _STEEPEST)
         inner = self._noise * np.eye(u.shape[1]) + u @ u.swapaxes(1, 2)
         seen = np.einsum("nkt,nt->nk", u, apart[touching])
@@ -234,21 +219,17 @@ class ExactBayes(Estimator):
 
     def estimate(self) -> Estimate:
         """Sum the cells of each letter; the pose has the least expected placement error among those of the letter."""
-        check_order(
-            self._cells is not None and bool(self._history), "update" if self._cells else "reset", "estimate"
-        )
+        check_order(bool(self._cells and self._history), "update" if self._cells else "reset", "estimate")
         assert self._cells is not None
         mass = np.exp(self._cells.log_mass)
         share = np.bincount(self._cells.letter, mass, len(self._letters))
         best = int(share.argmax())
         rows = np.flatnonzero(self._cells.letter == best)
-        weights = mass[rows] / mass[rows].sum()
+        samples = PoseSamples(self._cells.pose[rows], mass[rows] / mass[rows].sum())
         name = self._letters[best]
-        pose = least_expected_error(self._cells.pose[rows], weights, self._objects[name])
-        return Estimate(
-            name, dict(zip(self._letters, (share / share.sum()).tolist(), strict=True)), pose,
-            PoseSamples(self._cells.pose[rows], weights),
-        )  # fmt: skip
+        pose = least_expected_error(samples.poses, samples.weights, self._objects[name])
+        probabilities = dict(zip(self._letters, (share / share.sum()).tolist(), strict=True))
+        return Estimate(name, probabilities, pose, samples)
 
     @property
     def work(self) -> dict[str, Any]:

@@ -142,12 +142,8 @@ class Plane(Kind):
             scan = measured_scan(config.presses, letters, config.trials, config.readings)
         else:
             self.check(config)
-            scan, work = scan_letters(
-                config.scan_options,
-                jobs=jobs,
-                cache=cache,
-                progress=lambda done, total: progress("press", done, total),
-            )
+            report = partial(progress, "press")
+            scan, work = scan_letters(config.scan_options, jobs=jobs, cache=cache, progress=report)
         if train is not None:
             scan = train_on(train, scan)
         letters = chosen_letters(config, scan.letters)
@@ -180,14 +176,13 @@ class Plane(Kind):
 
     def tasks(self, config: RunConfig, gathered: Gathered) -> list[OneTrial]:
         """List the trials of a run: as many of each letter, or one for each of its test presses."""
-        test = gathered.scan.where("test")
-        counts = {
-            letter: len(presses_with(test.where(label=letter), config.readings))
-            if config.trials == "all"
-            else config.trials
-            for letter in gathered.letters
-        }
-        return [OneTrial(letter, trial) for letter, count in counts.items() for trial in range(count)]
+        found = []
+        for letter in gathered.letters:
+            count = config.trials
+            if count == "all":
+                count = len(presses_with(gathered.scan.where("test", letter), config.readings))
+            found += [OneTrial(letter, trial) for trial in range(count)]
+        return found
 
     def plan(
         self, config: RunConfig, scan: Scan, given: Estimator | None, objects: Mapping[str, Any] | None
@@ -311,14 +306,10 @@ class Plane(Kind):
                 f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided taxels"
             )
         propose = seconds.get("propose_per_reading", 0)
+        stages = [one for one in ("scan", "fit", "trials", "total") if one in seconds]
         lines.append(
-            "time  "
-            + ", ".join(
-                f"{stage} {seconds[stage]:.2f} s"
-                for stage in ("scan", "fit", "trials", "total")
-                if stage in seconds
-            )
-            + f"; update {1e3 * seconds['update_per_reading']:.3f} ms, the slowest of a hundred "
+            f"time  {', '.join(f'{stage} {seconds[stage]:.2f} s' for stage in stages)}"
+            f"; update {1e3 * seconds['update_per_reading']:.3f} ms, the slowest of a hundred "
             f"{1e3 * np.quantile(run.trials.update_s, 0.99):.3f} ms, "
             f"estimate {1e3 * seconds['estimate_per_reading']:.3f} ms a reading"
             + (f", choice of the next {1e3 * propose:.1f} ms" if propose else "")
@@ -329,19 +320,16 @@ class Plane(Kind):
         """Suggest the default estimator, or to choose the touches."""
         config = RunConfig(**run.config)
         plain = config.source == RunConfig(seed=config.seed).source and not config.slip
-        again, standard = (
-            "bench run" if plain else "the same data with",
-            RunConfig.model_fields["estimator"].default,
-        )
+        again, standard = "bench run" if plain else "the same data with", RunConfig().estimator
         if run.estimator != standard:
             return [
                 f"{again} --estimator {standard}  # the default{_error_of_default() if beside(run) else ''}"
             ]
-        if config.pressed and config.explore == "random":
-            return [
-                f"{again} --explore information --readings 10  # it chooses the touches; --explore blind does not"
-            ]
-        return []
+        if not config.pressed or config.explore != "random":
+            return []
+        return [
+            f"{again} --explore information --readings 10  # it chooses the touches; --explore blind does not"
+        ]
 
 
 def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
@@ -374,18 +362,17 @@ def _protocol_name(config: RunConfig, scan: Scan) -> str:
     where = (
         f"test poses {'from a file' if config.scan else stated if stated in ('same', 'random') else 'given'}"
     )
-    if config.presses is not None:
-        where = "presses on a pad"
-    if poses_unknown(scan.meta):
-        where = "one press a trial, poses unknown"
-    order = "random order"
     if config.on_demand:
         where = "touches in the robot's frame"
+    elif poses_unknown(scan.meta):
+        where = "one press a trial, poses unknown"
+    elif config.presses is not None:
+        where = "presses on a pad"
+    order = "random order"
     if config.explore == "information":
         # Recorded readings lie around the object: the poses to choose among tell where it is.
-        order = "chosen by information" + (
-            "" if config.on_demand else " among recorded poses, which tell the place"
-        )
+        among = "" if config.on_demand else " among recorded poses, which tell the place"
+        order = f"chosen by information{among}"
     held_out = f", {' '.join(config.hold_out)} held out" if config.hold_out else ""
     if config.each_held_out:
         held_out = ", each letter held out in turn"

@@ -25,9 +25,8 @@ from tactsim.estimators import NONE
 JUMP, RECOVERED = 4.0, 1.0  # mm: a step that is a jump, and the placement error that ends it
 LEAST_ERROR = 0.01  # mm, below which no placement of a pad with taxels of 1.8 mm is told from another
 QUARTERS = 4  # of the trials, by the radius of their regions
-KOLMOGOROV_95 = (
-    1.3581  # which the distance of 95 in 100 samples stays below (Smirnov 1948), times `_stephens`
-)
+# Which the distance of 95 in 100 samples stays below (Smirnov 1948), times `_stephens`.
+KOLMOGOROV_95 = 1.3581
 
 
 def errors(trials: Trials, objects: Mapping[str, Any], measure: str = "error") -> FloatArray:
@@ -193,8 +192,8 @@ class Metric:
     """A figure of a run: what it is, in one line, and how it follows from the trials and their errors.
 
     compute: over the reading count, (r,) or a list with None where undefined, or one number or table a run. pooled: the
-    figure and its interval over the trials of several runs, after reading k + 1 where it has one; None if no table
-    shows it. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
+    figure and its interval over the trials of several runs, after reading k + 1 where it has one; None if it has no
+    interval. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
     readings, None for three digits in all. better: +1 if more is better, -1 if less is, 0 if neither. section: of a
     report's page whose table at a chosen reading shows it, "curves" or "certainty". table: whether it is one itself.
     """
@@ -269,14 +268,10 @@ def _settled(description: str, part: float, heading: str) -> Metric:
         ends = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="inverted_cdf")
         return Figure(settled_by(right, part), *(int(end) if end <= readings else None for end in ends))
 
-    return Metric(
-        description,
-        lambda scored: settled_by(scored.trials.right, part),
-        pooled,
-        heading,
-        digits=0,
-        better=-1,
-    )
+    def compute(scored: Scored) -> int | None:
+        return settled_by(scored.trials.right, part)
+
+    return Metric(description, compute, pooled, heading, digits=0, better=-1)
 
 
 def _all_right_from(scored: Scored, _: int) -> Figure:
@@ -291,9 +286,8 @@ def _all_right_from(scored: Scored, _: int) -> Figure:
 
 
 def _recovered(scored: Scored, _: int) -> Figure:
-    jumps, found = (
-        np.concatenate(column) for column in zip(*(recoveries(run, 3) for run in scored.runs), strict=True)
-    )
+    of_runs = zip(*(recoveries(run, 3) for run in scored.runs), strict=True)
+    jumps, found = map(np.concatenate, of_runs)
     return ratio(found, jumps, scored.sizes)
 
 
@@ -546,12 +540,9 @@ def _efficiency(scored: Scored, k: int) -> Figure:
 
     if scored.bounds is None:
         return NOTHING
-    chosen = (
-        stated(scored.bounds[:, k], scored.trials) & scored.trials.named[:, k] & ~np.isnan(scored.error[:, k])
-    )
-    return ratio(
-        np.where(chosen, scored.error[:, k], 0), np.where(chosen, scored.bounds[:, k], 0), scored.sizes
-    )
+    error, bounds = scored.error[:, k], scored.bounds[:, k]
+    chosen = stated(bounds, scored.trials) & scored.trials.named[:, k] & ~np.isnan(error)
+    return ratio(np.where(chosen, error, 0), np.where(chosen, bounds, 0), scored.sizes)
 
 
 # What only tables show, since it needs more than the trials: the bounds of their errors, or the time that they took.
@@ -574,10 +565,7 @@ BESIDE: dict[str, Metric] = {
     "ms": Metric(
         "Processor time of a recognition, ms: the median over the trials.",
         lambda scored: 1e3 * recognition_seconds(scored.trials, scored.trials.label.shape[1]),
-        lambda scored, _: Figure(
-            1e3 * recognition_seconds(scored.trials, scored.trials.label.shape[1]), None, None
-        ),
-        "ms a recognition",
+        heading="ms a recognition",
         digits=None,
         better=-1,
     ),
@@ -592,10 +580,8 @@ def figures(kind: str) -> dict[str, Metric]:
 def summarise(scored: Scored) -> dict[str, Any]:
     """Compute every metric: lists over the reading count 1..r (None where undefined) and headlines."""
     metrics = {**CURVES, **HEADLINES, **kinds.load(scored.trials.kind).metrics}
-    summary = {name: metric.compute(scored) for name, metric in metrics.items()}
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary.items()
-    }
+    summary = ((name, metric.compute(scored)) for name, metric in metrics.items())
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in summary}
 
 
 def mean_where(values: FloatArray, chosen: NDArray[np.bool_]) -> Curve:

@@ -86,9 +86,11 @@ def command_fit(
     as_json: shared.AsJson = False,
 ) -> None:
     """Choose what depends on a pad's unit, pitch and response from training readings alone, and say why."""
+    from dataclasses import replace
+
+    import numpy as np
     import tomli_w
 
-    from tactsim.bench.config import key_values
     from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
     from tactsim.bench.results import to_json
@@ -114,7 +116,7 @@ def command_fit(
             f"{scan}: no object has two training presses, so nothing tells which options foretell a press best; "
             "record more of them"
         )
-    train = train if (train.split == "train").all() else _all_to_train(train)
+    train = replace(train, split=np.full(len(train), "train"))
     found = fit_to_pad(train, made.options)
     exponent, straight, bent = response(train, made.options)
     typical = units_of(train).pressure
@@ -124,10 +126,13 @@ def command_fit(
         with replacing(out) as stream:
             stream.write(tomli_w.dumps(world).encode())
     if as_json:
-        told = {"response_exponent": exponent, "information_straight": straight, "information_bent": bent}
-        typer.echo(
-            to_json({"estimator": estimator, "unit": unit, **found.facts(), **told, "world": world}), nl=False
-        )
+        told: dict[str, Any] = {
+            "response_exponent": exponent,
+            "information_straight": straight,
+            "information_bent": bent,
+        }
+        told |= {"estimator": estimator, "unit": unit, "world": world}
+        typer.echo(to_json(found.facts() | told), nl=False)
         return
     facts, console = found.facts(), plain_console()
     console.print(
@@ -152,15 +157,6 @@ def command_fit(
         )
     if out is not None:
         console.print(f"world     {out}, for `bench scan --world`")
-
-
-def _all_to_train(scan: Scan) -> Scan:
-    """Take all readings as training readings, as `bench run --train-scan` does of a scan with one split."""
-    from dataclasses import replace
-
-    import numpy as np
-
-    return replace(scan, split=np.full(len(scan), "train"))
 
 
 def _world(scan: Scan, exponent: float, typical: float) -> dict[str, Any]:

@@ -58,9 +58,7 @@ def command_list(
     one = {"estimators": _estimator, "likelihoods": _likelihood}
     if name is not None and what is not None:
         if what not in one:
-            raise InputError(
-                f"bench list {what} {name}: only an estimator or a likelihood has a list of its own"
-            )
+            raise InputError(f"bench list {what} {name}: only an estimator or a likelihood has its own list")
         sections[what] = partial(one[what], name)
     console = plain_console()
     # The options of a scan are many, so they are listed on request only, as an estimator's are.
@@ -73,9 +71,8 @@ def command_list(
             # A name in two pieces cannot be copied; the letters are one long row.
             names = section not in ("letters", "solids")
             groups = groupby(lines, lambda row: row[0].rpartition(".")[0])
-            for group, alike in (
-                groups if section in ("scan-options", "solid-options") else [("", iter(lines))]
-            ):
+            grouped = section in ("scan-options", "solid-options")
+            for group, alike in groups if grouped else [("", iter(lines))]:
                 if group:
                     console.print(f"\n  {group}", style="bold")
                 console.print(plain_grid([("  " + row[0], *row[1:]) for row in alike], names=names))
@@ -100,11 +97,9 @@ def _estimators() -> list[Row]:
 def _estimator(name: str) -> list[Row]:
     from tactsim.estimators.registry import listing, options_of
 
-    options = _fields(options_of(name))
-    return [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name] + [
-        ("--set NAME=VALUE", "default", ""),
-        *options,
-    ]
+    options = _fields(options_of(name))  # which refuses an unknown name
+    own = [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name]
+    return [*own, ("--set NAME=VALUE", "default", ""), *options]
 
 
 def _likelihoods() -> list[Row]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 import typer
 
@@ -39,13 +39,9 @@ def command_sweep(
     folder = out or SWEEPS / name
     check_folder(folder)
     with progress_bars() as progress:
+        pool = sweep.dask_pool(dask) if dask else None
         places = sweep.perform(
-            configs,
-            folder,
-            jobs=jobs or cores(),
-            pool=sweep.dask_pool(dask) if dask else None,
-            cache=cache,
-            progress=progress,
+            configs, folder, jobs=jobs or cores(), pool=pool, cache=cache, progress=progress
         )
     print_sweep(places)
     plain_console().print(f"results  {folder}")
@@ -64,7 +60,7 @@ def command_report(
     width: str = typer.Option(
         "7.16in", help="Of the figures beside the page, whose type is 8 pt: 3.4in, 86mm."
     ),
-    panel: Panel | None = typer.Option(
+    panel: Literal["accuracy", "error"] | None = typer.Option(
         None, help="Only this panel of the curves over readings. Default: both."
     ),
     caption: bool = typer.Option(True, "--caption/--no-caption", help="Say below a figure what it is of."),
@@ -75,7 +71,7 @@ def command_report(
     from tactsim.bench.report.write import check_folder, write_report
     from tactsim.bench.terminal import progress_bars
 
-    sheet = Sheet(_inches(width), panel.value if panel else None, caption)
+    sheet = Sheet(_inches(width), panel, caption)
     for folder in runs:
         check_folder(folder)
     target = out or (runs[0] if len(runs) == 1 else RESULTS) / "report.html"
@@ -89,13 +85,6 @@ def command_report(
         typer.echo(printable(f"remark  {remark}"), err=True)
 
 
-class Panel(StrEnum):
-    """Which panel of a picture is drawn."""
-
-    ACCURACY = "accuracy"
-    ERROR = "error"
-
-
 def _inches(text: str) -> float:
     """Read a width such as 3.4in, 86mm or 8.6cm. Raises InputError."""
     units = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
@@ -106,17 +95,11 @@ def _inches(text: str) -> float:
     return found
 
 
-class Format(StrEnum):
-    """How a table is written."""
-
-    MARKDOWN = "markdown"
-    LATEX = "latex"
-    CSV = "csv"
-
-
 def command_table(
     runs: list[Path] = typer.Argument(..., metavar="RUN...", help="Folders of runs or of sweeps."),
-    to: Format = typer.Option(Format.MARKDOWN, help="How to write it. LaTeX needs the package booktabs."),
+    to: Literal["markdown", "latex", "csv"] = typer.Option(
+        "markdown", help="How to write it. LaTeX needs the package booktabs."
+    ),
     figures: list[str] | None = typer.Option(
         None,
         "--figure",
@@ -146,11 +129,11 @@ def command_table(
 
         ranking = ranked(pools, rank)
         pools, ranks = list(ranking.pools), [rank_words(places) for places in ranking.ranks]
-    if to is Format.CSV:
+    if to == "csv":
         typer.echo(tables.csv_table(pools, asked, ranks), nl=False)
     else:
         rows = tables.plain_rows(pools, asked, ranks)
-        latex = to is Format.LATEX
+        latex = to == "latex"
         table = tables.latex_table(rows, tables.meaning(pools)) if latex else tables.markdown_table(rows)
         typer.echo(table, nl=False)
         typer.echo(f"{tables.made_of(pools)}", err=True)
@@ -175,18 +158,16 @@ def command_compare(
     differences = compare(load(base), load(new[0]))
     table = plain_table("figure", "base", "new", "new - base", "McNemar p", "verdict")
     for row in differences:
-        table.add_row(
-            row.name,
-            _number(row.base),
-            _number(row.new),
-            "" if row.low is None else f"{row.low:+.4f} to {row.high:+.4f}",
-            "" if row.p is None else f"{row.p:.3g}",
-            row.verdict,
-        )
+        interval = "" if row.low is None else f"{row.low:+.4f} to {row.high:+.4f}"
+        p = "" if row.p is None else f"{row.p:.3g}"
+        table.add_row(row.name, _number(row.base), _number(row.new), interval, p, row.verdict)
     plain_console().print(table)
-    worse = [row.name for row in differences if row.verdict == "worse"]
+    _fail_if([row.name for row in differences if row.verdict == "worse"])
+
+
+def _fail_if(worse: list[str]) -> None:
     if worse:
-        plain_console().print(f"worse: {', '.join(worse)}")
+        typer.echo(printable(f"worse: {', '.join(worse)}"))
         raise typer.Exit(1)
 
 
@@ -219,11 +200,8 @@ def _compare_all(folders: list[Path]) -> None:
         "against the first",
     )
     for folder in folders:
-        i = place[str(folder)]
-        ahead = (
-            ranking.accuracies.wins[i, base] - ranking.accuracies.wins[base, i],
-            -ranking.errors.difference[i, base],
-        )
+        i, wins = place[str(folder)], ranking.accuracies.wins
+        ahead = wins[i, base] - wins[base, i], -ranking.errors.difference[i, base]
         p = (ranking.accuracies.p[i, base], ranking.errors.p[i, base])
         verdicts = [
             f"{'better' if by > 0 else 'worse'} in {what}"
@@ -237,18 +215,14 @@ def _compare_all(folders: list[Path]) -> None:
             "" if first or figure == "-" else f"{chance:.3f}" if chance >= 0.001 else "<0.001"
             for figure, chance in zip(figures, p, strict=True)
         ]
-        table.add_row(
-            str(folder), figures[0], shown[0], figures[1], shown[1],
-            "" if first else ", ".join(verdicts) or "not told apart",
-        )  # fmt: skip
+        said = "" if first else ", ".join(verdicts) or "not told apart"
+        table.add_row(str(folder), figures[0], shown[0], figures[1], shown[1], said)
     plain_console().print(table)
     plain_console().print(
         f"p: McNemar's exact test by Holm's method, and a bootstrap by its largest difference, each corrected for all "
         f"{len(folders) * (len(folders) - 1) // 2} pairs"
     )
-    if worse:
-        plain_console().print(f"worse: {', '.join(worse)}")
-        raise typer.Exit(1)
+    _fail_if(worse)
 
 
 def command_runs(

@@ -32,6 +32,8 @@ def command_tasks(
     from tactsim.bench import tasks
     from tactsim.bench.leaderboard import best_known
     from tactsim.bench.results import to_json
+    from tactsim.bench.tasks import data
+    from tactsim.bench.terminal import progress_bars
 
     if name is None and hash_data:
         raise InputError("--hash: name the task, as in `bench tasks letters-v1 --hash`")
@@ -43,8 +45,10 @@ def command_tasks(
         else:
             _print_list(found, best)
         return
-    one = tasks.task(name)
-    hashes = _hashes(one, jobs, cache) if hash_data else None
+    one, hashes = tasks.task(name), None
+    if hash_data:
+        with progress_bars() as progress:
+            hashes = [data.hash_data(one, of, jobs=jobs, cache=cache, progress=progress) for of in one.seeds]
     if as_json:
         pressed = {} if hashes is None else {"pressed": hashes}
         typer.echo(to_json(_content(one, best.get(one.name)) | pressed), nl=False)
@@ -56,21 +60,9 @@ def command_tasks(
         raise typer.Exit(1)
 
 
-def _hashes(one: Task, jobs: int, cache: bool) -> list[str]:
-    from tactsim.bench.tasks.data import hash_data
-    from tactsim.bench.terminal import progress_bars
-
-    with progress_bars() as progress:
-        return [hash_data(one, seed, jobs=jobs, cache=cache, progress=progress) for seed in one.seeds]
-
-
 def _content(one: Task, best: Best | None) -> dict[str, Any]:
-    content = one.model_dump(mode="json")
-    return content | {
-        "letters": list(one.letters),
-        "data": one.data,
-        "best": None if best is None else best.model_dump(),
-    }
+    more = {"letters": list(one.letters), "data": one.data, "best": best and best.model_dump()}
+    return one.model_dump(mode="json") | more
 
 
 def _print_list(found: list[Task], best: dict[str, Best]) -> None:
@@ -122,17 +114,15 @@ def _print_hashes(one: Task, hashes: list[str]) -> None:
 
     console = plain_console()
     console.print("hashes = [", markup=False)
-    for number, found in enumerate(hashes):
-        other = (
-            f"  # the task states {one.hashes[number]}" if one.hashes and one.hashes[number] != found else ""
-        )
+    differ = 0
+    for found, stated in zip(hashes, one.hashes or hashes, strict=True):
+        other = "" if found == stated else f"  # the task states {stated}"
+        differ += found != stated
         console.print(f'  "{found}",{other}', markup=False, soft_wrap=True)
     console.print("]", markup=False)
     if one.hashes:
-        differ = sum(found != stated for found, stated in zip(hashes, one.hashes, strict=True))
-        console.print(
-            f"{differ} of {len(hashes)} differ from what the task states" if differ else "as the task states"
-        )
+        said = f"{differ} of {len(hashes)} differ from what the task states"
+        console.print(said if differ else "as the task states")
 
 
 def command_submit(
@@ -213,6 +203,7 @@ def command_verify(
 ) -> None:
     """Do some trials of a bundle again and compare them; exit status 1 if it cannot be confirmed."""
     import secrets
+    from dataclasses import asdict
     from datetime import UTC, datetime
 
     import numpy as np
@@ -222,38 +213,29 @@ def command_verify(
     from tactsim.bench.leaderboard.verify import verify
     from tactsim.bench.places import saved
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import InputError, printable
+    from tactsim.core.errors import printable
     from tactsim.core.source_digest import git_commit
 
     read = read_bundle(bundle)
     chosen = secrets.randbelow(2**32) if seed is None else seed
     try:
         with progress_bars() as progress:
-            verdict = verify(
-                read,
-                share=share,
-                full=full,
-                fresh=fresh,
-                rng=np.random.default_rng(chosen),
-                jobs=jobs,
-                cache=cache,
-                progress=progress,
-            )
+            asked: dict[str, Any] = {
+                "share": share,
+                "full": full,
+                "fresh": fresh,
+                "jobs": jobs,
+                "cache": cache,
+            }
+            verdict = verify(read, rng=np.random.default_rng(chosen), progress=progress, **asked)
     except InputError as error:
         raise InputError(f"bundle {bundle}: {error}") from error
 
     def save() -> Path:
-        made = Record(
-            bundle=bundle_hash(bundle),
-            verified=verdict.verified,
-            said=printable(verdict.said),
-            again=verdict.again,
-            trials=verdict.trials,
-            seed=None if full else chosen,
-            commit=git_commit(),
-            made=datetime.now(UTC).isoformat(timespec="seconds"),
-        )
-        return write_record(made, bundle)
+        found = {name: of for name, of in asdict(verdict).items() if name in Record.model_fields}
+        found |= {"said": printable(verdict.said), "seed": None if full else chosen, "commit": git_commit()}
+        made = datetime.now(UTC).isoformat(timespec="seconds")
+        return write_record(Record(bundle=bundle_hash(bundle), made=made, **found), bundle)
 
     # What other code does not confirm is not refuted.
     counts = verdict.verified or not verdict.other_code
@@ -285,7 +267,7 @@ def command_leaderboard(
     from tactsim.bench.leaderboard.site import check_out, write_site
     from tactsim.bench.leaderboard.standings import read_folder
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import InputError, printable
+    from tactsim.core.errors import printable
 
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; name one of bundles")
