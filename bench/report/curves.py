@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,9 +57,7 @@ def axis_of_errors(group: Group) -> tuple[float, float]:
         error, (low, high) = np.array(entry.summary["error_mm"], dtype=float), entry.error_band
         # Half the error is room enough for an interval that ends near 0.
         errors += [error, high, np.fmax(np.array(low, dtype=float), error / 2)]
-    bounds = np.concatenate(
-        [np.array(entry.against_bound["bound_mm"], dtype=float) for entry in group.entries]
-    )
+    bounds = np.concatenate([np.array(entry.against_bound["bound_mm"], float) for entry in group.entries])
     return error_limits([np.array(curve, dtype=float) for curve in errors], bounds)
 
 
@@ -88,12 +86,10 @@ def confusion_counts(entry: Pooled) -> tuple[list[str], NDArray[np.int64]]:
     trials = entry.trials
     others = np.union1d(trials.label, trials.answer)
     letters = list(dict.fromkeys([*trials.truth.tolist(), *others.tolist()]))
-    place = {letter: i for i, letter in enumerate(letters)}
-    truth = np.array([place[letter] for letter in trials.truth.tolist()])
-    label = np.searchsorted(np.sort(letters), trials.label)
-    label = np.array([place[letter] for letter in np.sort(letters).tolist()])[label]
+    order = np.argsort(letters)
+    truth, label = (order[np.searchsorted(letters, of, sorter=order)] for of in (trials.truth, trials.label))
     counts = np.zeros((entry.readings, len(letters), len(letters)), dtype=np.int64)
-    np.add.at(counts, (np.arange(entry.readings)[None, :], truth[:, None], label), 1)
+    np.add.at(counts, (np.arange(entry.readings), truth[:, None], label), 1)
     return letters, counts
 
 
@@ -120,16 +116,8 @@ def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
 
 
 def _who(group: Group, entry: Pooled) -> tuple[str, ...]:
-    amount = str(entry.budget.amount) if entry.budget else ""
-    return (
-        group.protocol,
-        group.task,
-        entry.label,
-        str(entry.folder),
-        entry.seeds,
-        entry.run.estimator,
-        amount,
-    )
+    of_runs = entry.label, str(entry.folder), entry.seeds, entry.run.estimator
+    return group.protocol, group.task, *of_runs, str(entry.budget.amount) if entry.budget else ""
 
 
 def _readings(groups: Sequence[Group]) -> Iterator[Sequence[Any]]:
@@ -201,28 +189,17 @@ class Point:
 
 def points(group: Group) -> list[Point]:
     """Place every run of a group in the plane of time and error, and mark the frontiers."""
-    readings = group.readings
-    found = []
+    readings, found = group.readings, list[Point]()
     for entry in group.entries:
-        trials = entry.trials
         error = entry.summary["error_mm"][readings - 1]
-        low, high = (end[readings - 1] for end in entry.error_band)
-        found.append(
-            (
-                entry,
-                recognition_seconds(trials, readings),
-                error,
-                error if low is None else low,
-                error if high is None else high,
-                settled_by(trials.right[:, :readings], 0.95),
-            )
-        )
-    seconds = [point[1] for point in found]
-    by_error = frontier(seconds, [point[2] for point in found])
-    by_settled = frontier(seconds, [point[5] for point in found])
+        low, high = (error if end[readings - 1] is None else end[readings - 1] for end in entry.error_band)
+        settled = settled_by(entry.trials.right[:, :readings], 0.95)
+        found.append(Point(entry, recognition_seconds(entry.trials, readings), error, low, high, settled))
+    seconds = [point.seconds for point in found]
+    firsts = (frontier(seconds, [getattr(point, by) for point in found]) for by in ("error", "settled"))
     return [
-        Point(*point, error_frontier=first, settled_frontier=second)
-        for point, first, second in zip(found, by_error, by_settled, strict=True)
+        replace(point, error_frontier=first, settled_frontier=second)
+        for point, first, second in zip(found, *firsts, strict=True)
     ]
 
 
@@ -231,15 +208,12 @@ def frontier(costs: Sequence[float], losses: Sequence[float | None]) -> list[boo
 
     A point dominates another if it is no worse on both axes and better on one.
     """
-    pairs = list(zip(costs, losses, strict=True))
-    return [
-        loss is not None
-        and not any(
-            other is not None and c <= cost and other <= loss and (c < cost or other < loss)
-            for c, other in pairs
-        )
-        for cost, loss in pairs
-    ]
+    known = [(cost, loss) for cost, loss in zip(costs, losses, strict=True) if loss is not None]
+
+    def best(cost: float, loss: float) -> bool:
+        return not any(c <= cost and other <= loss and (c, other) != (cost, loss) for c, other in known)
+
+    return [loss is not None and best(cost, loss) for cost, loss in zip(costs, losses, strict=True)]
 
 
 def has_curves(group: Group) -> bool:

@@ -240,6 +240,11 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
             # Square roots, so that a hundredth of the peak is still a tenth of the scale.
             "rootShare": arrays.add(np.round(255 * np.sqrt(share)), "u1"),
         }
+    of_readings = {
+        "pressures": trial.pressures, "sensor": trial.sensor_in_object, "ghost": trial.estimate_in_object,
+        "probabilities": trial.probabilities, "pose": trial.robot_in_object, "truePose": trial.true_pose,
+        "error": trial.error, "region": trial.region,
+    }  # fmt: skip
     return {
         "run": trial.entry.label,
         "kind": trial.kind,
@@ -249,17 +254,12 @@ def _recognition(trial: Recognition, of: Replayed, arrays: Arrays) -> dict[str, 
         "same": trial.same,
         "labels": list(trial.labels),
         "estimate": trial.label,
-        "pressures": arrays.add(trial.pressures, "f4"),
         "taxels": np.round(of.scan.taxel_xy, 4).tolist(),
         "taxelSize": taxel_size(of.scan),
         "unit": of.scan.meta.get("unit", "kPa"),
-        "sensor": arrays.add(trial.sensor_in_object, "f4"),
-        "ghost": arrays.add(trial.estimate_in_object, "f4"),
-        "probabilities": arrays.add(trial.probabilities, "f4"),
-        "pose": arrays.add(trial.robot_in_object, "f4"),
-        "truePose": arrays.add(trial.true_pose, "f4"),
-        "error": arrays.add(trial.error, "f4"),
-        "region": None if trial.region is None else arrays.add(trial.region, "f4"),
+        **{
+            name: None if values is None else arrays.add(values, "f4") for name, values in of_readings.items()
+        },
         "radius": _column(None if np.isnan(radius) else radius for radius in trial.radius.tolist()),
         "plane": plane,
     }
@@ -296,14 +296,8 @@ def _map_set(maps: Mapping[str, OccupancyMap], arrays: Arrays) -> dict[str, Any]
         # Signed square roots: the outline shows beside the few cells that were felt most.
         root = 127 * np.sign(evidence) * np.sqrt(np.abs(evidence) / limit)
         width = chart.cell * evidence.shape[1]
-        charts.append(
-            {
-                "letter": label,
-                "limit": _short(limit),
-                "width": _short(width),
-                "root": arrays.add(np.round(root), "i1"),
-            }
-        )
+        sizes = {"limit": _short(limit), "width": _short(width)}
+        charts.append({"letter": label, **sizes, "root": arrays.add(np.round(root), "i1")})
     return {"charts": charts}
 
 

@@ -126,12 +126,8 @@ def pareto_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008
     right.set_ylabel("readings until 95 % stay right")
     _legend(figure, left.lines)
     if sheet.caption:
-        _caption(
-            figure,
-            group,
-            "Thick grey: the frontier. Bars: 95 % interval of the mean.\n"
-            f"Time: median over the trials, on {machine_line(group.entries)}.",
-        )
+        bars = "Thick grey: the frontier. Bars: 95 % interval of the mean."
+        _caption(figure, group, f"{bars}\nTime: median over the trials, on {machine_line(group.entries)}.")
     return figure
 
 
@@ -155,11 +151,8 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
         lines = [line for line in lines if np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any()]
     _legend(figure, lines)  # above: within the plot it would hide a curve
     if sheet.caption:
-        _caption(
-            figure,
-            group,
-            "\n".join(["Error where the letter is right. Bands: 95 % intervals.", *below_bound(group)]),
-        )
+        bands = "Error where the letter is right. Bands: 95 % intervals."
+        _caption(figure, group, "\n".join([bands, *below_bound(group)]))
     return figure
 
 
@@ -212,9 +205,8 @@ def _draw_error(axes: Axes, group: Group, budgets: int = 128) -> list[Line2D]:
         printed = paper.in_figure(entry.run)
         if printed is not None and printed.error is not None:
             label = f"the paper: {printed.error:g} mm ({printed.amount:,} {printed.option})"
-            noted.append(
-                axes.axhline(printed.error, color=INK, lw=0.9, ls=":", label=label, gid=style["gid"])
-            )
+            line = {"color": INK, "lw": 0.9, "ls": ":", "label": label, "gid": style["gid"]}
+            noted.append(axes.axhline(printed.error, **line))
     bounded = next((entry for entry in group.entries if any(entry.against_bound["bound_mm"])), None)
     if bounded is not None:
         bound = np.array(bounded.against_bound["bound_mm"], dtype=float)
@@ -270,11 +262,8 @@ def _draw_reliability(axes: Axes, group: Group) -> None:
 
 def _draw_time(axes: Axes, group: Group) -> None:
     least, _ = axis_of_errors(group)
-    found = [
-        _Mark(point, max(point.error, least), point.error_frontier)
-        for point in points(group)
-        if point.error is not None
-    ]
+    placed = [(point, point.error) for point in points(group) if point.error is not None]
+    found = [_Mark(point, max(error, least), point.error_frontier) for point, error in placed]
     for mark in found:
         colour = look(group.methods.index(mark.point.entry.method))[0]
         ends = [max(end or 0.0, least) for end in (mark.point.low, mark.point.high)]
@@ -328,20 +317,16 @@ def _draw_points(axes: Axes, group: Group, found: Sequence[_Mark]) -> None:
 
 def _legend(figure: Figure, lines: Sequence[Line2D]) -> None:
     # Matplotlib leaves out what begins with an underscore, as a method of `__main__` does.
-    named = [(line, str(line.get_label())) for line in lines]
-    handles = [line for line, label in named if not label.startswith("_child")]
-    labels = [
-        (" " if label.startswith("_") else "")
-        + (textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL])
-        for _, label in named
-        if not label.startswith("_child")
-    ]
+    handles = [line for line in lines if not str(line.get_label()).startswith("_child")]
+    labels = []
+    for label in (str(line.get_label()) for line in handles):
+        short = textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL]
+        labels.append(f" {short}" if label.startswith("_") else short)
     full = figure.get_figwidth() / Sheet.width
     columns = max(1, min(round((3 if max(map(len, labels)) > 24 else 4) * full), len(labels)))
     rows = -(-len(labels) // columns)
-    figure.set_figheight(
-        figure.get_figheight() + 0.19 * max(0, rows - round(6 * full))
-    )  # inches: the plots keep theirs
+    more = 0.19 * max(0, rows - round(6 * full))  # inches: the plots keep theirs
+    figure.set_figheight(figure.get_figheight() + more)
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=8)
 
 
@@ -357,20 +342,16 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
     letters = len(group.entries[0].run.about["letters"])
     task = "" if group.task == "defaults" else f"{group.task}; "
     caption = f"{task}{letters} letters, {trials} of {scans}, {group.protocol}. {text}"
-    figure.supxlabel(
-        "\n".join(part for line in caption.split("\n") for part in textwrap.wrap(line, int(140 * full))),
-        fontsize=7,
-        color="#444444",
-    )
+    lines = [part for line in caption.split("\n") for part in textwrap.wrap(line, int(140 * full))]
+    figure.supxlabel("\n".join(lines), fontsize=7, color="#444444")
 
 
 def _write(axes: Axes, noted: list[tuple[_Mark, str]], marks: Sequence[_Mark]) -> None:
     """Write budgets beside their marks, right or left, above or below; where there is no room, leave them out."""
     shares = axes.transLimits.transform(axes.transScale.transform([mark.place for mark in marks]))
     taken = [tuple(box) for box in np.hstack([shares - _MARK, shares + _MARK])]  # left, low, right, high
-    for mark, colour in sorted(
-        noted, key=lambda of: not of[0].best
-    ):  # the frontier's first, if room is short
+    noted.sort(key=lambda of: not of[0].best)  # the frontier's first, if room is short
+    for mark, colour in noted:
         budget = mark.point.entry.budget
         if not budget:
             continue
@@ -379,9 +360,7 @@ def _write(axes: Axes, noted: list[tuple[_Mark, str]], marks: Sequence[_Mark]) -
         for side, up in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             left, low = x + (0.015 if side > 0 else -0.015 - wide), y + (0.012 if up > 0 else -0.012 - _LINE)
             box = left, low, left + wide, low + _LINE
-            if not any(
-                box[0] < old[2] and old[0] < box[2] and box[1] < old[3] and old[1] < box[3] for old in taken
-            ):
+            if all(box[0] >= o[2] or o[0] >= box[2] or box[1] >= o[3] or o[1] >= box[3] for o in taken):
                 taken.append(box)
                 axes.annotate(
                     budget.text, mark.place, xytext=(5 * side, 4 * up), textcoords="offset points", fontsize=7,

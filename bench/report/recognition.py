@@ -172,15 +172,13 @@ def _pressed_again(options: Any, config: RunConfig) -> Scan:
     Raises InputError if the readings were given in Python and pressing does not give them again, for example
     because they are a real pad's.
     """
-    scan = None
     if options is not None:
         shapes = {"shapes": tuple(map(str, config.shapes))} if config.shapes else {}
-        asked = checked(ScanOptions, options | shapes, "scan.options")
-        scan, _ = scan_letters(asked)
+        scan, _ = scan_letters(checked(ScanOptions, options | shapes, "scan.options"))
         scan = replace(scan, meta={**scan.meta, "options": options})
-    if scan is None or config.given not in (None, scan.digest):
-        raise InputError("its readings were given in Python, and pressing does not give them again")
-    return scan
+        if config.given in (None, scan.digest):
+            return scan
+    raise InputError("its readings were given in Python, and pressing does not give them again")
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,24 +203,16 @@ def do_again(
     found = []
     for kind, task in tasks.items():
         fitted, known = plan.fitted_for(task.truth, estimator)
-        seen: list[tuple[Estimate, Touch]] = []
-        beliefs: list[PlaneBelief] = []
+        seen: list[tuple[Estimate, Touch, PlaneBelief | None]] = []
 
-        def keep(
-            estimate: Estimate, touch: Touch, of: Estimator = fitted, seen: Any = seen, beliefs: Any = beliefs
-        ) -> None:
-            seen.append((estimate, touch))
-            if (belief := of.belief_over_plane()) is not None:
-                beliefs.append(belief)
+        def keep(estimate: Estimate, touch: Touch, of: Estimator = fitted, seen: Any = seen) -> None:
+            seen.append((estimate, touch, of.belief_over_plane()))
 
+        test, measure = plan.test_readings(task), objects[task.truth]
         with no_exit(fitted):
-            trials = run_trial(
-                fitted, plan.test_readings(task), task, plan.rules, letters=known, of=objects[task.truth],
-                observe=keep,
-            )  # fmt: skip
-        estimates, touches = map(list, zip(*seen, strict=True))
-        plane = beliefs if len(beliefs) == len(seen) else None
-        found.append(Again(task, kind, trials, estimates, touches, plane))
+            trials = run_trial(fitted, test, task, plan.rules, letters=known, of=measure, observe=keep)
+        estimates, touches, beliefs = map(list, zip(*seen, strict=True))
+        found.append(Again(task, kind, trials, estimates, touches, None if None in beliefs else beliefs))
     return found
 
 
@@ -290,12 +280,9 @@ def map_outline(label: str, maps: Mapping[str, OccupancyMap]) -> list[FloatArray
     from contourpy import contour_generator
 
     chart = maps[label]
-    rows, columns = chart.log_odds.shape
-    lines = contour_generator(
-        chart.origin[0] + chart.cell * np.arange(columns),
-        chart.origin[1] + chart.cell * np.arange(rows),
-        chart.log_odds,
-    ).lines(0.0)
+    rows, columns = (chart.cell * np.arange(count) for count in chart.log_odds.shape)
+    x, y = chart.origin[0] + columns, chart.origin[1] + rows
+    lines = contour_generator(x, y, chart.log_odds).lines(0.0)
     return [np.asarray(line) for line in lines if len(line) > 8]
 
 

@@ -70,9 +70,7 @@ def write_pages(
     if len(several) > 1:
         raise InputError(f"a report is of runs of one kind, and these are {' and '.join(several)}; make two")
     if sheet != Sheet() and several != [PLANE]:
-        raise InputError(
-            "--width, --panel and --no-caption are of runs with letters in the plane; leave them out"
-        )
+        raise InputError("--width, --panel and --no-caption are of letters in the plane; leave them out")
     return runs[0][1].kind.page(Pages(runs, out, list(remarks), each_seed, progress, sheet))
 
 

@@ -135,13 +135,8 @@ def readings_figure(run: Run) -> Picture:
     lines = [part for line in title for part in textwrap.wrap(line, 110)]
     figure = Picture(figsize=(9, 3.8))
     # Margins in inches: measuring every text for them would take as long as drawing.
-    figure.subplots_adjust(
-        left=0.55 / 9,
-        right=1 - 0.2 / 9,
-        bottom=0.5 / 3.8,
-        top=1 - (0.13 + 0.17 * len(lines)) / 3.8,
-        wspace=0.2,
-    )
+    top = 1 - (0.13 + 0.17 * len(lines)) / 3.8
+    figure.subplots_adjust(left=0.55 / 9, right=1 - 0.2 / 9, bottom=0.5 / 3.8, top=top, wspace=0.2)
     left, right = figure.subplots(1, 2)
     _draw_accuracy(run, left)
     _draw_error(run, right)
@@ -166,14 +161,10 @@ def draw_curves(run: Run, ax: Any) -> Any:
 def _draw_accuracy(run: Run, axes: Axes) -> None:
     summary = run.summary
     band = summary["accuracy_low"], summary["accuracy_high"]
-    draw_curve(
-        axes, summary["accuracy"], *band, color=BLUE, band="95 % Wilson interval", lw=1.8, label="accuracy"
-    )
-    if summary["all_right_from"] is not None:
-        axes.axvline(
-            summary["all_right_from"], color=SOFT, lw=0.8, ls=":",
-            label=f"all right from {summary['all_right_from']}",
-        )  # fmt: skip
+    style = {"color": BLUE, "band": "95 % Wilson interval", "lw": 1.8, "label": "accuracy"}
+    draw_curve(axes, summary["accuracy"], *band, **style)
+    if (first := summary["all_right_from"]) is not None:
+        axes.axvline(first, color=SOFT, lw=0.8, ls=":", label=f"all right from {first}")
     axes.set(ylim=(0, 1.02), ylabel="share of trials right")
     axes.legend(frameon=False, loc="lower right")
     over_readings(axes, run.readings)
@@ -221,9 +212,8 @@ def outlines_figure(letters: Sequence[Letter]) -> Picture:
         axes.set_aspect("equal")
         axes.autoscale_view()
         left, low, right, high = letter.footprint.bounds()
-        axes.set_title(
-            f"{letter.name}\n{right - left:.1f} x {high - low:.1f} mm", fontsize=9, parse_math=False
-        )
+        size = f"{right - left:.1f} x {high - low:.1f} mm"
+        axes.set_title(f"{letter.name}\n{size}", fontsize=9, parse_math=False)
         axes.tick_params(labelsize=7)
         axes.set_xlabel("mm", fontsize=8)
     return figure
@@ -267,9 +257,8 @@ def maps_figure(maps: Mapping[str, Any]) -> Picture:
         axes.set_visible(False)
     if image is not None:
         tall = min(height - bottom - top, 3.0)
-        beside = figure.add_axes(
-            (1 - 0.8 / width, (bottom + height - top - tall) / 2 / height, 0.12 / width, tall / height)
-        )
+        place = 1 - 0.8 / width, (bottom + height - top - tall) / 2 / height
+        beside = figure.add_axes((*place, 0.12 / width, tall / height))
         figure.colorbar(image, cax=beside, label="log-odds of occupancy").ax.tick_params(labelsize=8)
     figure.supxlabel("mm", x=(left + width - right) / 2 / width, y=0.1 / height, fontsize=8)
     return figure

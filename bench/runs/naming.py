@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
@@ -36,12 +36,8 @@ def budget(run: Run) -> Budget | None:
 def method_name(run: Run) -> str:
     """Name the estimator with those of its options that are no budget and no default."""
     stated = run.about["budget"] or {}
-    words = [
-        f"{option} {value}"
-        for option, value in run.about["settings"].items()
-        if option != stated.get("option")
-    ]
-    return ", ".join([run.estimator, *words])
+    settings = {name: value for name, value in run.about["settings"].items() if name != stated.get("option")}
+    return ", ".join([run.estimator, *(f"{name} {value}" for name, value in settings.items())])
 
 
 def task_name(run: Run, *, with_seed: bool = True) -> str:
@@ -50,23 +46,20 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     Runs with one protocol and one task name saw the same readings; without the seed, readings of the same kind.
     """
     config = run.config
-    other = {
-        name: config[name] for name in ("scan", "train_scan", "train_presses", "presses") if config.get(name)
-    }
+    files = ("scan", "train_scan", "train_presses", "presses")
+    other = {name: config[name] for name in files if config.get(name)}
     if config.get("given"):
         other["readings"] = config["given"][:12]
     elif not (config.get("scan") or config.get("presses")):
-        standard = run.kind.scan_options()
-        stated = checked(
-            type(standard), run.about["scan"].get("options", {}), "the options of the run's scan"
-        )
-        other |= _differing(*(flat(options.model_dump(mode="json")) for options in (stated, standard)))
-        files = next((name for name in ("shapes", "meshes") if other.get(name)), None)
-        if files is not None:  # of the user's own; that there is nothing beside them goes without saying
-            other[files] = _in_folder(other[files])
-            other = {
-                name: value for name, value in other.items() if name not in ("letters", "objects") or value
-            }
+        kind, of_scan = run.kind.scan_options, run.about["scan"].get("options", {})
+        stated = checked(kind, of_scan, "the options of the run's scan")
+        mine, standard = (flat(options.model_dump(mode="json")) for options in (stated, kind()))
+        # test_poses is part of the protocol.
+        other |= {k: v for k, v in mine.items() if k != "test_poses" and v != standard.get(k)}
+        own = next((name for name in ("shapes", "meshes") if other.get(name)), None)
+        if own is not None:  # of the user's own; that there is nothing beside them goes without saying
+            other[own] = _in_folder(other[own])
+            other = {k: v for k, v in other.items() if k not in ("letters", "objects") or v}
         if other.get("seed") == config["seed"]:
             del other["seed"]
     elif config.get("letters"):
@@ -82,13 +75,6 @@ def task_name(run: Run, *, with_seed: bool = True) -> str:
     if config["seed"] != 0 and with_seed:
         words.append(f"seed {config['seed']}")
     return ", ".join([*words, *(f"{name} {_word(value)}" for name, value in other.items())]) or "defaults"
-
-
-def _differing(mine: Mapping[str, Any], standard: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the options of a scan that differ from the defaults; test_poses, part of the protocol, is left out."""
-    return {
-        name: value for name, value in mine.items() if name != "test_poses" and value != standard.get(name)
-    }
 
 
 def _in_folder(paths: Sequence[str]) -> str:

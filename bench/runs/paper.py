@@ -60,17 +60,9 @@ BEST = Printed(
 )  # fmt: skip
 PRINTED = (
     BEST,
+    Printed("histogram", "bins", 1_000, 1.0, 46, None, "1.00 after 46 readings: section V; about 50 in IV"),
     Printed(
-        "histogram", "bins", 1_000, 1.0, 46, None, "1.00 after 46 readings: section V; about 50 in section IV"
-    ),
-    Printed(
-        "particle",
-        "particles",
-        10_000,
-        0.74,
-        10,
-        None,
-        "levels out at 0.74 after around 10 readings: section IV",
+        "particle", "particles", 10_000, 0.74, 10, None, "levels out at 0.74 after around 10: section IV"
     ),
 )
 

@@ -55,12 +55,10 @@ def eq3_agreement(scan: Scan, options: Options) -> float | None:
     return share if decided else None
 
 
-# mm and rad: presses at poses that are as near were made at one pose.
-_SAME = 1e-2
+_SAME = 1e-2  # mm and rad: presses at poses that are as near were made at one pose
 # Presses at one pose whose readings correlate so well are near copies; so many of the test presses make a warning.
 _ALIKE, _MANY = 0.998, 0.5
-# Loads that differ by less than this share are one.
-_ONE_LOAD = 0.02
+_ONE_LOAD = 0.02  # loads that differ by less than this share are one
 
 
 def notes_on(scan: Scan) -> list[str]:

@@ -48,9 +48,9 @@ def plain_rows(
     for number, one in enumerate(pools):
         cells = [cell(one, figure) for figure in figures]
         rows.append([one.label, *(values[number] for _, values in shown), *cells])
-    return (
-        rows if ranks is None else [[first, *row] for first, row in zip(["rank", *ranks], rows, strict=True)]
-    )
+    if ranks is None:
+        return rows
+    return [[first, *row] for first, row in zip(["rank", *ranks], rows, strict=True)]
 
 
 def heading(figure: str, kind: str = PLANE) -> str:
