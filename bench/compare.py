@@ -54,9 +54,8 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
     kind, known = base.kind, figures(base.kind.name)
     readings = min(base.readings, new.readings)
     right = [run.trials.right[:, :readings] for run in (base, new)]
-    rows = [
-        paired(f"share of {kind.touches} right", right[0].mean(axis=1), right[1].mean(axis=1), rng, +1, level)
-    ]
+    shares = [each.mean(axis=1) for each in right]
+    rows = [paired(f"share of {kind.touches} right", shares[0], shares[1], rng, +1, level)]
     both = np.logical_and(*(run.trials.named[:, readings - 1] for run in (base, new)))
     for one in scored:  # of an object whose place nobody knows there is no error
         both &= np.isfinite(one.error[:, readings - 1])
@@ -67,12 +66,9 @@ def compare(base: Run, new: Run, level: float = LEVEL) -> list[Difference]:
             rows.append(paired(words, pair[0], pair[1], rng, known[name].better, level))
     for reading in sorted({k for k in (1, 3, 5, 10, 20, readings) if k <= readings}):
         pair = [each[:, reading - 1] for each in right]
-        rows.append(
-            Difference(
-                known["accuracy"].heading.format(reading),
-                float(pair[0].mean()), float(pair[1].mean()), p=mcnemar(*pair),
-            )
-        )  # fmt: skip
+        before, after = (float(each.mean()) for each in pair)
+        words = known["accuracy"].heading.format(reading)
+        rows.append(Difference(words, before, after, p=mcnemar(*pair)))
     for name, share in (("all_right_from", 1.0), ("settled_95", 0.95)):
         rows.append(Difference(known[name].heading, settled_by(right[0], share), settled_by(right[1], share)))
     before, after = (1e3 * float(run.trials.seconds[run.trials.taken].mean()) for run in (base, new))
@@ -124,9 +120,7 @@ def check_same_trials(base: Run, new: Run) -> None:
     """Raise InputError, which says what to align, unless two runs have the same trials."""
     kind = base.kind
     if kind.name != new.kind.name:
-        raise InputError(
-            f"one run is of kind {kind.name}, the other of kind {new.kind.name}; give two of one kind"
-        )
+        raise InputError(f"one run is of kind {kind.name}, the other {new.kind.name}; give two of one kind")
     pairs = [(getattr(base.trials, name), getattr(new.trials, name)) for name in ("truth", "trial")]
     pairs.append((base.trials.true_pose[:, 0], new.trials.true_pose[:, 0]))
     alike = all(np.array_equal(a, b) for a, b in pairs)

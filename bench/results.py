@@ -96,11 +96,8 @@ class Run:
     def against_bound(self) -> dict[str, Any]:
         """The bound of the error, and error over bound, by reading: `bound_mm`, `determined`, `efficiency`."""
         if self.bounds is None:
-            nothing = [None] * self.readings
-            return {"bound_mm": nothing, "determined": nothing, "efficiency": nothing}
-        from tactsim.bench.cramer_rao import (
-            bound_curves,  # a run without bounds does without their room
-        )
+            return dict.fromkeys(("bound_mm", "determined", "efficiency"), [None] * self.readings)
+        from tactsim.bench.cramer_rao import bound_curves  # a run without bounds does without their room
 
         return bound_curves(self.bounds, self.scored)
 
@@ -114,11 +111,11 @@ class Run:
     def refusing(self) -> str | None:
         """Say it if many trials of known letters end in "none"; None if few do."""
         share = self.summary["refused_known"][-1] or 0.0
+        if share <= _MUCH_REFUSED:
+            return None
         return (
             f"{share:.0%} of the trials of a known {self.kind.thing} end in {NONE!r}: readings differ from those of "
             "training, say in their load; take training presses of every load, or do without `unknown`"
-            if share > _MUCH_REFUSED
-            else None
         )
 
     @property
@@ -296,45 +293,32 @@ class Run:
 
     @property
     def _headline(self) -> str:
-        summary = self.summary
-        from_reading = summary["all_right_from"]
-        error = summary["error_mm"][-1]
-        return (
-            f"accuracy {summary['accuracy'][-1]:.3f} [{summary['accuracy_low'][-1]:.3f}, "
-            f"{summary['accuracy_high'][-1]:.3f}]"
-            + (f", error {error:.2f} mm" if error is not None else "")
-            + f" after {counted(self.readings, self.kind.touch)}; "
-            + (
-                f"every trial right from {self.kind.touch} {from_reading}"
-                if from_reading
-                else "some trials still wrong"
-            )
-        )
+        names = ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
+        accuracy, low, high, error = (self.summary[name][-1] for name in names)
+        of_error = "" if error is None else f", error {error:.2f} mm"
+        settled, touch = self.summary["all_right_from"], self.kind.touch
+        ended = f"every trial right from {touch} {settled}" if settled else "some trials still wrong"
+        return f"accuracy {accuracy:.3f} [{low:.3f}, {high:.3f}]{of_error} after {counted(self.readings, touch)}; {ended}"
 
     def _repr_html_(self) -> str:
         """Show the run in a notebook: what was tried, a small table and the curves."""
         picture = base64.b64encode(self.plot().png(dpi=70)).decode()
-        rows = "".join(
-            "<tr>" + "".join(f"<td style='text-align:right'>{cell}</td>" for cell in cells) + "</tr>"
-            for cells in self._cells()
-        )
+        rows = "".join(f"<tr><td>{'</td><td>'.join(cells)}</td></tr>" for cells in self._cells())
         words = (self.kind.touches, CURVES["accuracy"].column, "95 % interval", CURVES["error_mm"].column)
         heads = "".join(f"<th>{word}</th>" for word in words)
         return (
             f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
             f"{html.escape(self._headline)}</p>"
             f"<div style='display:flex;gap:2em;align-items:flex-start'>"
-            f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+            f"<table style='text-align:right'><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
             f"<img alt='accuracy and error against readings' src='data:image/png;base64,{picture}'/></div></div>"
         )
 
     def _cells(self) -> Iterator[tuple[str, ...]]:
         """Write some rows of the table over the reading count."""
+        names = ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
         for reading in sorted({row for row in (*_ROWS, self.readings) if row <= self.readings}):
-            accuracy, low, high, error = (
-                self.summary[name][reading - 1]
-                for name in ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
-            )
+            accuracy, low, high, error = (self.summary[name][reading - 1] for name in names)
             shown = "" if error is None else f"{error:.2f}"
             yield str(reading), f"{accuracy:.3f}", f"{low:.3f} to {high:.3f}", shown
 

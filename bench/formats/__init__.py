@@ -50,15 +50,11 @@ class Format:
         return import_module(f"{__name__}.{self.module}")
 
 
-FORMATS = {
-    one.name: one
-    for one in (
-        Format(
-            "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder"
-        ),
-        Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5")),
-    )
-}  # fmt: skip
+_PARQUET = Format(
+    "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder"
+)
+_HDF5 = Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5"))
+FORMATS = {one.name: one for one in (_PARQUET, _HDF5)}
 
 
 def find(name: str) -> Format:

@@ -103,16 +103,13 @@ def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
                 raise InputError(f"array {name!r} is a {kind}, no numbers or names")
             left -= 8 * prod(shape)
             if left < 0:
-                raise InputError(
-                    f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan may hold"
-                )
+                raise InputError(f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan holds")
         read = loadmat(BytesIO(content), variable_names=list(variables.values()))
     except InputError:
         raise
     except Exception as error:  # SciPy's reader fails in many ways on a file that is not whole
-        raise InputError(
-            f"it is no whole MAT file: {type(error).__name__} {' '.join(str(error).split())}"
-        ) from error
+        said = " ".join(str(error).split())
+        raise InputError(f"it is no whole MAT file: {type(error).__name__} {said}") from error
     return {
         name: _texts(read[variable], name) if name == variable else _in_cell(read[variable], name)
         for name, variable in variables.items()
@@ -123,11 +120,10 @@ def _texts(array: NDArray[Any], name: str) -> NDArray[Any]:
     """Read a cell of texts as an array of names; other arrays stay as they are."""
     if array.dtype.kind != "O":
         return array
-    if not all(
-        isinstance(cell, np.ndarray) and cell.dtype.kind == "U" and cell.size == 1 for cell in array.flat
-    ):
+    cells = [np.asarray(cell) for cell in array.flat]
+    if any(cell.dtype.kind != "U" or cell.size != 1 for cell in cells):
         raise InputError(f"array {name!r} is a cell of more than texts")
-    return np.array([str(cell.item()) for cell in array.flat], dtype=np.str_)
+    return np.array([str(cell.item()) for cell in cells], dtype=np.str_)
 
 
 def _in_cell(cell: NDArray[Any], name: str) -> NDArray[Any]:

@@ -47,10 +47,8 @@ def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
     loads = [] if scan.loads is None else [["" if math.isnan(load) else load for load in scan.loads.tolist()]]
     names = ["label", "split", "x_mm", "y_mm", "theta_rad", "press", *["load_N"] * len(loads)]
     table.writerow(names + [f"t{taxel}" for taxel in range(scan.readings.shape[1])])
-    words = (scan.labels, scan.split, *scan.poses.T, scan.press_numbers)
-    for *row, values in zip(
-        *(column.tolist() for column in words), *loads, scan.readings.tolist(), strict=True
-    ):
+    words = [column.tolist() for column in (scan.labels, scan.split, *scan.poses.T, scan.press_numbers)]
+    for *row, values in zip(*words, *loads, scan.readings.tolist(), strict=True):
         table.writerow(row + values)
     text.detach()
 
@@ -72,9 +70,8 @@ def columns_of(text: str) -> dict[str, str]:
                 f"{', '.join(sorted(_NO_TAXELS))} and taxels, whose COLUMN is a pattern such as *_fz"
             )
         if name in called or theirs in called.values():
-            raise InputError(
-                f"--columns {part.strip()!r}: {name if name in called else theirs} is named twice"
-            )
+            twice = name if name in called else theirs
+            raise InputError(f"--columns {part.strip()!r}: {twice} is named twice")
         called[name] = theirs.strip()
     return called
 
@@ -119,16 +116,13 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
             raise InputError(f"{where}: {name}: give a finite number, got {got}; a dead taxel may say nan")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
-    scan = Scan.from_arrays(
-        np.array(readings),
-        np.array([row.pose for row in rows]),
-        [row.label for row in rows],
-        [row.split for row in rows],
-        pad,
-        unit=unit,
-        loads=None if np.isnan(loads).all() else loads,
-        presses=None if rows[0].press is None else [row.press for row in rows],
+    poses, labels, split, presses = zip(
+        *((row.pose, row.label, row.split, row.press) for row in rows), strict=True
     )
+    scan = Scan.from_arrays(
+        np.array(readings), np.array(poses), labels, split, pad, unit=unit,
+        loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
+    )  # fmt: skip
     return scan if posed else unposed(scan)
 
 

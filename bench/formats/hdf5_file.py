@@ -118,10 +118,8 @@ def read_scan(path: Path) -> Scan:
     with _opened(path) as file:
         if _OF_A_RUN in file and "readings" not in file:
             raise is_of_a_run()
-        optional = list(_DATASETS)[6:]
-        names = [
-            name for name in _DATASETS if name not in optional or file.get(name, getlink=True) is not None
-        ]
+        always, there = list(_DATASETS)[:6], lambda name: file.get(name, getlink=True) is not None
+        names = [name for name in _DATASETS if name in always or there(name)]
         try:
             arrays = _read(file, names)
         except MissingArrayError as error:

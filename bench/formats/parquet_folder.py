@@ -24,9 +24,7 @@ from tactsim.core.npz import LARGEST
 from tactsim.core.scan import SPLITS, is_label
 
 _DOCUMENT, _OF_A_RUN = "scan.json", "run.json"
-
 _ROW_GROUP = 64 << 20  # bytes: what a reader of one row has to read
-
 Shapes = dict[str, tuple[tuple[int, ...], str]]  # of a row of each column, and its type
 
 
@@ -37,12 +35,8 @@ def write_scan(scan: Scan, folder: Path) -> None:
         arrays |= {"sequence": scan.sequence, "sequence_force": scan.sequence_force}
     for split in SPLITS:
         rows = np.flatnonzero(scan.split == split)
-        labels = pa.array(scan.labels[rows].tolist(), pa.string())
-        columns = {
-            "row": _lists(rows.astype(np.int64)),
-            "press": _lists(scan.press_numbers[rows]),
-            "label": labels,
-        }
+        columns = {"row": _lists(rows.astype(np.int64)), "press": _lists(scan.press_numbers[rows])}
+        columns["label"] = pa.array(scan.labels[rows].tolist(), pa.string())
         columns |= {name: _lists(array[rows]) for name, array in arrays.items()}
         if len(rows):  # the library `datasets` loads no file without rows
             _write(pa.table(columns), _file(folder, split))
@@ -131,7 +125,6 @@ def _read(path: Path, shapes: Shapes) -> dict[str, NDArray[Any]]:
 
 # Licences that Hugging Face knows by their SPDX names in small letters; there are more, which become "other".
 _CC = ("CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC0-1.0")
-
 _KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
 
 
@@ -142,10 +135,7 @@ def card_of_scan(scan: Scan) -> str:
     columns = [
         ("column", "what it holds"),
         ("row", "the number of the reading in the scan, from 0"),
-        (
-            "press",
-            "the number of the press that the reading was taken of: rows of one number share its errors",
-        ),
+        ("press", "the number of the press that the reading is of: rows of one number share its errors"),
         ("label", "the object that was pressed"),
         ("pose", "sensor_in_object: x mm, y mm, theta rad"),
         ("readings", f"one value for each of {taxels} taxels, {unit}"),
@@ -189,25 +179,20 @@ def card_of_run(run: Run) -> str:
 def _card(title: str, licence: str | None, splits: Iterable[str], text: Iterable[str]) -> str:
     """Put a card together: YAML (JSON is YAML) and paragraphs."""
     known = licence in _KNOWN_LICENCES
+    files = [{"split": split, "path": f"data/{split}-*"} for split in splits]
     head = {
         "pretty_name": title,
         "license": "unknown" if licence is None else licence.lower() if known else "other",
         **({} if licence is None or known else {"license_name": licence}),
         "task_categories": ["robotics"],
         "tags": ["tactile", "touch", "tactsim"],
-        "configs": [
-            {
-                "config_name": "default",
-                "data_files": [{"split": split, "path": f"data/{split}-*"} for split in splits],
-            }
-        ],
+        "configs": [{"config_name": "default", "data_files": files}],
     }
     lines = [f"{name}: {json.dumps(value, ensure_ascii=False)}" for name, value in head.items()]
     return "\n".join(["---", *lines, "---", "", f"# {title}", "", "\n\n".join(text)]) + "\n"
 
 
 _VERSION = 1
-
 _AXES = {"taxel_xy": 2, "sequence_times": 1, "loads": 1, "presses": 1, "moments": 1, "views": 1}
 
 
@@ -230,16 +215,13 @@ def parts_of(document: dict[str, Any]) -> dict[str, Any]:
         raise InputError("its meta is no JSON object")
     parts: dict[str, Any] = {"meta": document["meta"]}
     for name, axes in _AXES.items():
-        values = document.get(name)
+        parts[name] = values = document.get(name)
+        if values is None and name != "taxel_xy":
+            continue
         try:
-            array = (
-                None
-                if values is None
-                else np.array(values, dtype=None if name in ("presses", "views") else float)
-            )
+            parts[name] = np.array(values, dtype=None if name in ("presses", "views") else float)
         except (TypeError, ValueError, OverflowError):
-            array = np.zeros(())
-        if (array is None and name == "taxel_xy") or (array is not None and array.ndim != axes):
+            parts[name] = np.zeros(())
+        if parts[name].ndim != axes:
             raise InputError(f"its {name} are no numbers along {axes} axes")
-        parts[name] = array
     return parts

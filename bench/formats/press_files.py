@@ -51,10 +51,11 @@ def read_press_folder(
     }
     if not places:
         raise InputError(f"{folder}: no file of frames is called {files}; known are {', '.join(_READERS)}")
-    paths = sorted(
-        places,
-        key=lambda path: [int(part) if part.isdigit() else part for part in _DIGITS.split(places[path])],
-    )
+
+    def by_number(path: Path) -> list[int | str]:
+        return [int(part) if part.isdigit() else part for part in _DIGITS.split(places[path])]
+
+    paths = sorted(places, key=by_number)
     for pattern in test:
         if not any(fnmatch(place, pattern) for place in places.values()):
             raise InputError(f"--test {pattern}: no file is called so; paths are as {places[paths[0]]}")
@@ -131,16 +132,11 @@ def _mat(path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
 
 def _all(arrays: dict[str, NDArray[Any]], path: Path, pad: Pad) -> Iterator[tuple[str, FloatArray]]:
     """Give the arrays of a file that are frames; a single one is called as the file."""
-    found = {
-        name: array
-        for name, array in arrays.items()
-        if array.dtype.kind in "biuf" and _fits(array.shape, pad)
-    }
+    found = {name: of for name, of in arrays.items() if of.dtype.kind in "biuf" and _fits(of.shape, pad)}
     if not found:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InputError(
-            f"no array is (frames, {pad.rows}, {pad.columns}) or (frames, {pad.taxels}): {shapes}"
-        )
+        wanted = f"(frames, {pad.rows}, {pad.columns}) or (frames, {pad.taxels})"
+        raise InputError(f"no array is {wanted}: {shapes}")
     for name, array in found.items():
         yield name if len(found) > 1 else path.stem, _frames(array, name, pad)
 

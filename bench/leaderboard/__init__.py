@@ -37,16 +37,11 @@ class Best(BaseModel):
     @property
     def words(self) -> str:
         """Say what `--estimator` and `--set` take to do it again."""
-        return " ".join(
-            [
-                self.estimator or self.method,
-                *(f"--set {name}={value}" for name, value in self.options.items()),
-            ]
-        )
+        options = (f"--set {name}={value}" for name, value in self.options.items())
+        return " ".join([self.estimator or self.method, *options])
 
 
 def best_known() -> dict[str, Best]:
     """Give the best known result on each task that has one, by the task's name."""
-    return {
-        name: checked(Best, entry, f"{FILE.name}: {name}") for name, entry in read_toml(FILE, "file").items()
-    }
+    entries = read_toml(FILE, "file")
+    return {name: checked(Best, entry, f"{FILE.name}: {name}") for name, entry in entries.items()}

@@ -77,13 +77,11 @@ def limited_runs(
     limits = limits or Limits()
     with TemporaryDirectory(prefix="tactsim-") as name:
         folder = Path(name)
-        request = {
-            "jobs": jobs,
-            "cache": cache,
-            "memory_mb": limits.memory_mb,
-            "runs": [asdict(one) for one in wanted],
-        }
+        request: dict[str, Any] = {"jobs": jobs, "cache": cache, "memory_mb": limits.memory_mb}
+        request["runs"] = [asdict(one) for one in wanted]
         (folder / "request.json").write_text(json.dumps(request), encoding="utf-8")
+        # What this process can import, a plug-in for one, the other can too.
+        importable = os.pathsep.join(str(Path(place).absolute()) for place in sys.path)
         with (folder / "printed").open("w+b") as printed:
             process = subprocess.Popen(
                 [sys.executable, "-m", __name__, name],
@@ -91,9 +89,7 @@ def limited_runs(
                 stdout=subprocess.PIPE,
                 stderr=printed,
                 start_new_session=True,
-                # What this process can import, a plug-in for one, the other can too.
-                env=os.environ
-                | {"PYTHONPATH": os.pathsep.join(str(Path(place).absolute()) for place in sys.path)},
+                env=os.environ | {"PYTHONPATH": importable},
             )
             try:
                 ended = _followed(process, wanted, jobs, limits, progress)
@@ -197,13 +193,8 @@ def _do(folder: Path, tell: IO[str]) -> None:
         for number, wanted in enumerate(request["runs"]):
             stage = "fit"
             trials = wanted["trials"] and [OneTrial(letter, count) for letter, count in wanted["trials"]]
-            run = experiment.perform(
-                run_config(**wanted["words"]),
-                trials=trials,
-                jobs=request["jobs"],
-                cache=request["cache"],
-                progress=report,
-            )
+            asked, how = run_config(**wanted["words"]), {name: request[name] for name in ("jobs", "cache")}
+            run = experiment.perform(asked, trials=trials, progress=report, **how)
             (folder / str(number)).mkdir()
             results.save(run, folder / str(number))
     except MemoryError:
@@ -223,12 +214,10 @@ def _do(folder: Path, tell: IO[str]) -> None:
 def _limit_memory(megabytes: int) -> None:
     """Let this process and those that it starts take so much memory more than it takes now, where the system can."""
     pages = Path("/proc/self/statm")
-    try:
-        import resource
-    except ImportError:
-        return
     if not pages.exists():
         return
+    import resource
+
     taken = int(pages.read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     most = taken + megabytes * 1_000_000
     resource.setrlimit(resource.RLIMIT_AS, (most, most))

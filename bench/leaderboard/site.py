@@ -104,9 +104,8 @@ def time_picture(of: Standings) -> Markup | None:
                 axes.plot([ms, ms], [max(error.low, 1e-9), error.high], color=colour, lw=0.9)
             label = one.label if len(one.label) <= _LONGEST else f"{one.label[: _LONGEST - 1]}…"
             axes.plot([ms], [value], ls="", marker=marker, ms=7, color=colour, label=label)
-        draw_frontier(
-            axes, [(ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best]
-        )
+        corners = [(ms, value) for (_, ms, _, value), best in zip(points, first, strict=True) if best]
+        draw_frontier(axes, corners)
         axes.set(xscale="log", yscale="log", xlabel="processor time of a reading, ms", ylabel=heading(by))
         for axis in (axes.xaxis, axes.yaxis):
             plain_log(axis)
@@ -143,16 +142,12 @@ def _facts(one: Entrant) -> dict[str, str | None]:
         "estimator": f"{bundle.estimator}, from {bundle.package or 'tactsim itself'}",
         "options given": options or "none: the defaults",
         "described as": bundle.runs[0].about["description"] if bundle.runs else None,
-        "reproducible": "yes: the same bits again"
-        if bundle.reproducible
-        else "no: within what chance allows",
+        "reproducible": "yes: the same bits" if bundle.reproducible else "no: within what chance allows",
         "made": f"{bundle.made}, at commit {bundle.commit or 'unknown'}",
         "hash of the source": bundle.source_hash,
         "hash of the readings": bundle.task_data,
         "versions": ", ".join(f"{name} {version}" for name, version in bundle.versions.items()),
-        "checked": "not yet"
-        if check is None
-        else f"{check.said} ({check.made}, commit {check.commit or 'unknown'})",
+        "checked": f"{check.said} ({check.made}, commit {check.commit or 'unknown'})" if check else "not yet",
         "machine": _machine(one),
     }
 
