@@ -82,9 +82,8 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     result = dict(base)
     for key, value in changes.items():
         inner = result.get(key)
-        result[key] = (
-            merged(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
-        )
+        both = isinstance(inner, Mapping) and isinstance(value, Mapping)
+        result[key] = merged(inner, value) if both else value
     return result
 
 
@@ -110,7 +109,6 @@ def whole_number(text: str) -> int | None:
 
 RECORDING: Final = "recording:"  # begins what stands for a scan's file where a public recording is meant
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
-
 
 OF_READINGS = "of the readings"  # marks a field of which runs with the same readings have the same value
 
@@ -190,18 +188,14 @@ class Slip(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    walk_mm: float = Field(
-        0.0, ge=0, le=100, description="mm, standard deviation of a random step in x and in y"
-    )
-    walk_rad: float = Field(0.0, ge=0, le=3.2, description="rad, standard deviation of a random turn")
-    jump_mm: float = Field(
-        0.0, ge=0, le=1000, description="mm, one jump in a random direction before a random touch"
-    )
+    walk_mm: float = Field(0.0, ge=0, le=100, description="mm, sd of a random step in x and in y")
+    walk_rad: float = Field(0.0, ge=0, le=3.2, description="rad, sd of a random turn")
+    jump_mm: float = Field(0.0, ge=0, le=1000, description="mm, a jump any way before a random touch")
     jump_rad: float = Field(
         0.0, ge=0, le=3.2, description="rad, by which the jump turns the object either way"
     )
     drift_mm: float = Field(
-        0.0, ge=0, le=100, description="mm at each touch, in a direction that is random but stays"
+        0.0, ge=0, le=100, description="mm at each touch, in a random direction that stays"
     )
     drift_rad: float = Field(0.0, ge=0, le=3.2, description="rad at each touch, either way")
 
@@ -233,11 +227,8 @@ class Slip(BaseModel):
         steps[1:] += [self.drift_mm * np.cos(drift), self.drift_mm * np.sin(drift), self.drift_rad * turns[0]]
         touch = rng.integers(1, max(readings, 2))
         if readings > 1:
-            steps[touch] += [
-                self.jump_mm * np.cos(jump),
-                self.jump_mm * np.sin(jump),
-                self.jump_rad * turns[1],
-            ]
+            steps[touch, :2] += self.jump_mm * np.cos(jump), self.jump_mm * np.sin(jump)
+            steps[touch, 2] += self.jump_rad * turns[1]
         return invert(invert(first) + steps.cumsum(axis=0))
 
 
@@ -413,7 +404,7 @@ class RunConfig(ScanWords):
                     )
             if self.explore == "blind":
                 raise ValueError(
-                    f"explore=blind presses on demand, but the readings {whence}; give random or information"
+                    f"explore=blind presses, but the readings {whence}; give random or information"
                 )
         if self.presses is not None and (self.scan is not None or self.given is not None):
             raise ValueError("presses and scan both say what is tested; leave one out")
@@ -542,8 +533,9 @@ def run_config(**words: Any) -> RunConfig:
         from tactsim.estimators.registry import names, options_of
 
         name = words.get("estimator", RunConfig.model_fields["estimator"].default)
+        known = options_of(name, words.get("set")).model_fields if name in names() else ()
         for word in strange:
-            if name in names() and word in options_of(name, words.get("set")).model_fields:
+            if word in known:
                 raise InputError(
                     f"run: {word!r} is an option of the estimator {name}; give set={{{word!r}: ...}}"
                 )

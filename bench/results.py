@@ -298,7 +298,8 @@ class Run:
         of_error = "" if error is None else f", error {error:.2f} mm"
         settled, touch = self.summary["all_right_from"], self.kind.touch
         ended = f"every trial right from {touch} {settled}" if settled else "some trials still wrong"
-        return f"accuracy {accuracy:.3f} [{low:.3f}, {high:.3f}]{of_error} after {counted(self.readings, touch)}; {ended}"
+        shown = f"accuracy {accuracy:.3f} [{low:.3f}, {high:.3f}]{of_error}"
+        return f"{shown} after {counted(self.readings, touch)}; {ended}"
 
     def _repr_html_(self) -> str:
         """Show the run in a notebook: what was tried, a small table and the curves."""

@@ -201,10 +201,11 @@ def perform(
             tasks[name] = kind.tasks(config, of)
         kept = sum(len(run.trials.truth) for run in whole.values())
         total = kept + sum(map(len, tasks.values()))
-        done = _trials_of_runs(
-            plans, tasks, pool or _local(jobs), lambda now: progress("sweep", kept + now, total)
-        )
-        for name, trials, work in done:
+
+        def report(now: int) -> None:
+            progress("sweep", kept + now, total)
+
+        for name, trials, work in _trials_of_runs(plans, tasks, pool or _local(jobs), report):
             config = todo[name]
             estimator = create(config.estimator, **config.options)
             run = finished_run(config, gathered[name], trials, work, estimator)
@@ -292,11 +293,9 @@ def _gather_all(
     configs: Mapping[str, Config], *, jobs: int, cache: bool, progress: Progress
 ) -> dict[str, Gathered]:
     """Press or load the readings of every run, each set of readings once."""
-    found: dict[str, Gathered] = {}
-    by_source: dict[str, Gathered] = {}
+    found, by_source = dict[str, Gathered](), dict[str, Gathered]()
     for name, config in configs.items():
-        source = config.source
-        if source not in by_source:
+        if (source := config.source) not in by_source:
             by_source[source] = gather(config, jobs=jobs, cache=cache, progress=progress)
         found[name] = by_source[source]
         kinds.load(config.kind).check_gathered(config, found[name])
@@ -349,9 +348,8 @@ def _locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
-        raise InputError(
-            f"cannot write {folder}: {error.strerror or error}; name a folder that can be written"
-        ) from error
+        why = error.strerror or error
+        raise InputError(f"cannot write {folder}: {why}; name a folder that can be written") from error
     try:
         try:
             lock(descriptor)
