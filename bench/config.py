@@ -82,8 +82,9 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     result = dict(base)
     for key, value in changes.items():
         inner = result.get(key)
-        both = isinstance(inner, Mapping) and isinstance(value, Mapping)
-        result[key] = merged(inner, value) if both else value
+        if isinstance(inner, Mapping) and isinstance(value, Mapping):
+            value = merged(inner, value)
+        result[key] = value
     return result
 
 
@@ -109,7 +110,6 @@ def whole_number(text: str) -> int | None:
 
 RECORDING: Final = "recording:"  # begins what stands for a scan's file where a public recording is meant
 EACH = "each"  # of hold_out: every trial's own letter is held out, one after another
-
 OF_READINGS = "of the readings"  # marks a field of which runs with the same readings have the same value
 
 
@@ -235,8 +235,6 @@ class Slip(BaseModel):
 STILL = Slip()
 # Worlds in which the object moves. Its readings are those of the default world.
 SLIPS: dict[str, dict[str, Any]] = {"slip": {"slip": {"walk_mm": 0.5, "walk_rad": 0.03}}}
-
-
 _TRIALS, _OTHERS = Panel("How a trial goes, and what is worked out of it"), Panel("Other readings")
 
 
@@ -404,7 +402,7 @@ class RunConfig(ScanWords):
                     )
             if self.explore == "blind":
                 raise ValueError(
-                    f"explore=blind presses, but the readings {whence}; give random or information"
+                    f"explore=blind presses on demand, but the readings {whence}; give random or information"
                 )
         if self.presses is not None and (self.scan is not None or self.given is not None):
             raise ValueError("presses and scan both say what is tested; leave one out")

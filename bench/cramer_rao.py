@@ -161,9 +161,7 @@ def pose_information(response: Response, poses: FloatArray, sensor: SensorOption
 # A trial of an object at rest counts as determined by its readings if its bound is at most this. Beyond, what is known
 # beforehand and what was not touched say more than the slopes of the readings: the bound is then the prior's.
 MOST_MM = 0.5
-
 FARTHEST_MM = 1000.0  # the bound where readings determine nothing: no object is lost by more
-
 _LOGS = np.arange(-80.0, 80.5, 0.5)  # nodes of the integral in `mean_length`
 
 
@@ -294,7 +292,6 @@ def pressed_letters(scan: Scan, options: ScanOptions) -> dict[str, Letter]:
 
 
 ENOUGH = 0.9  # share of the trials that readings must determine for a mean bound to be stated
-
 _STEPS = 3.0  # rms steps of an object, which a few readings that touch nothing leave unknown
 
 

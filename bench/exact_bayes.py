@@ -38,7 +38,6 @@ from tactsim.press.press_model import PressModel
 from tactsim.press.sensor import EFFECTS
 
 SIDE, ANGLES = 16, 40  # cells along x and y and round the circle, before any is split
-
 _DEPTH = 6  # times that a cell may be halved along x, y and angle
 _DEAD = 30.0  # nats below the heaviest cell, at which a cell is given up
 # nats, which the prediction over a whole cell may be too low; a quarter of that over half a cell.

@@ -11,7 +11,6 @@ from importlib.metadata import version as read_version
 from pathlib import Path
 
 version = cache(read_version)  # which reads the library's metadata from disk
-
 LIBRARIES = ("tactsim", "numpy", "scipy", "mujoco", "manifold3d", "numba")
 
 

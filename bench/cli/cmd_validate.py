@@ -80,7 +80,6 @@ def command_validate(
 
 
 _TRAINED = {"simulated": "simulated", "fitted": "as fitted", "recorded": "recorded"}
-
 _ALL = float("inf")
 _NOISE_ALONE = 1.2  # times the noise: more is left of a fit than noise, which intervals take it for
 

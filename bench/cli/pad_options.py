@@ -99,9 +99,7 @@ def counters_line(counters: dict[str, int]) -> str:
 
 
 PANEL = "On a real pad"
-
 Side: TypeAlias = Literal["behind", "front"]
-
 Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
 
 Force = Annotated[

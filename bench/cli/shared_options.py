@@ -72,7 +72,6 @@ ScanSet = Annotated[
 ]
 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
-
 _COST = "What it may cost"
 Jobs = Annotated[
     int,

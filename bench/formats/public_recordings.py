@@ -38,7 +38,6 @@ _WAIT_S = 30.0
 _IDLE = 0.1  # of a press's range of total load: below it a frame is idle
 _READ_REVERSED = slice(5, 14)  # columns of the TactileDTMF pad that its readout has in reverse
 _TIPS = (1, 5)  # of the six arrays in a .dsa file those between which the hand held its objects
-
 Presses = tuple[list[FloatArray], list[str]]  # of each press its readings (readings, taxels), and its label
 
 

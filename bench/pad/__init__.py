@@ -26,7 +26,6 @@ from tactsim.press.scan_poses import random_poses, stage_for
 from tactsim.press.scanning import object_facts
 
 _STEP_MM, _STEP_DEGREES = 1.0, 5.0  # the marks of the sheets of `bench template`
-
 _SPARE = 3  # poses of a trial for each one that is wanted: some are skipped
 
 

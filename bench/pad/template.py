@@ -27,7 +27,6 @@ from tactsim.press.scan_poses import ANGLES, stage_for
 
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}  # mm
 RULER = 100.0  # mm
-
 _INCH, _POINT = 25.4, 25.4 / 72  # mm
 _HALF = 50.0  # mm from its middle to the edge of the sheet that lies on top
 _MARGIN = 14.0  # mm of the paper's width beside the sheet that lies below

@@ -37,17 +37,11 @@ ROWS = {
 }
 
 _MOST_TAXELS = 9000  # in all presses that a fit uses: more cost time, and change an interval little
-
 _FEWEST_PRESSES = 60
-
 _FOLDS = 10
-
 _ALIKE = 0.99  # correlation of two presses at one pose, from which on they are one press for a fit
-
 TOUCHES = (1, 2, 3, 5, 10)  # after which the share right is shown
-
 _MOST_TOUCHES = 20
-
 _RIGHT = 0.95
 
 

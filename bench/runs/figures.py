@@ -41,7 +41,6 @@ INK, SOFT, GRID, FRONTIER = (_COLOUR_OF[f"var(--{name})"] for name in ("ink", "s
 # One colour a method, in order; the page has the same.
 COLOURS = tuple(light for light, name in _NAMES.items() if re.fullmatch(r"var\(--m\d+\)", name))
 BLUE, ORANGE = COLOURS[:2]
-
 Figures: TypeAlias = Sequence[float | None] | FloatArray  # one after each reading
 
 # What of a file's metadata would differ from one time to the next.

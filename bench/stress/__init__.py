@@ -14,7 +14,6 @@ from tactsim.bench.stress.case import Case, Outcome, run_case, run_cases
 from tactsim.core.errors import unknown
 
 TOPICS = ("frames", "maps", "filters", "press")
-
 __all__ = ["TOPICS", "Case", "Outcome", "cases", "chosen_cases", "run_case", "run_cases"]
 
 

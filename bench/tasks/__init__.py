@@ -25,18 +25,12 @@ from tactsim.estimators import create
 
 __all__ = ["Task", "names", "task"]
 
-
 # Fields of a run that have a place of their own in a task's file, or are none of its.
 _NOT_WORDS = (*OF_THE_METHOD, "task", "seed", "trials", "readings", "given")
-
 _PATHS = ("scan", "train_scan", "presses", "shapes", "world", "pad")
-
 _OF_WHOLE_TRIALS = tuple(name for name, metric in HEADLINES.items() if not metric.table)
-
 _RANKING = ("accuracy", "error_mm", "error_all_mm")
-
 _LEAST_SEEDS = 5  # trials of one scan share its maps: a figure of a single scan says nothing of the next
-
 Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
@@ -141,16 +135,11 @@ class Task(BaseModel):
         said = checked(RunConfig, merged({**self._words, "seed": self.seeds[0]}, asked), "run")
         if said.seed not in (*self.seeds, *self.development):
             seeds = ", ".join(map(str, self.seeds))
-            other = ", ".join(map(str, self.development))
-            raise InputError(
-                f"seed {said.seed}: task {self.name} has the seeds {seeds}{' and, for development, ' * bool(other)}"
-                f"{other}; name one of them"
-            )
-        chosen: dict[str, Any] = {
-            "seed": said.seed,
-            "task": words["task"] if said.seed in self.seeds else None,
-        }
-        chosen |= {name: value for name, value in asked.items() if name in OF_THE_METHOD}
+            if self.development:
+                seeds += f" and, for development, {', '.join(map(str, self.development))}"
+            raise InputError(f"seed {said.seed}: task {self.name} has the seeds {seeds}; name one of them")
+        chosen = {name: value for name, value in asked.items() if name in OF_THE_METHOD}
+        chosen |= {"seed": said.seed, "task": words["task"] if said.seed in self.seeds else None}
         wanted = self._config(chosen)
         for name in asked:
             value, right = getattr(said, name), getattr(wanted, name)
@@ -159,10 +148,8 @@ class Task(BaseModel):
             elif name == "explore" and (right, value) == ("information", "blind"):
                 chosen[name] = value
             elif value != right and not (name == "letters" and value == self.letters):
-                asked_for, says = map(_typed, (value, self.letters if name == "letters" else right))
-                raise InputError(
-                    f"{name} {asked_for}: task {self.name} says {says}; leave out {name} or the task"
-                )
+                own, says = map(_typed, (value, self.letters if name == "letters" else right))
+                raise InputError(f"{name} {own}: task {self.name} says {says}; leave out {name} or the task")
         # Who says whether touches are chosen need not have the estimator made here: a plug-in of somebody else's.
         unsaid = wanted.explore == "information" and "explore" not in asked
         if unsaid and not create(said.estimator, **said.options).proposes:
@@ -179,10 +166,8 @@ class Task(BaseModel):
 
 def names() -> tuple[str, ...]:
     """List the tasks that come with the project."""
-    folder = files("tactsim.bench") / "tasks"
-    return tuple(
-        sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml"))
-    )
+    there = (one.name for one in (files("tactsim.bench") / "tasks").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in there if name.endswith(".toml")))
 
 
 def task(name: str) -> Task:
@@ -198,7 +183,7 @@ def task(name: str) -> Task:
         return _checked(table, name)
     if name == "solids":
         raise InputError(
-            "task 'solids' is of objects in space; the command line runs it: bench run --task solids"
+            "task 'solids' is of objects in space, which the command line runs: bench run --task solids"
         )
     path = Path(name)
     if path.suffix != ".toml":
@@ -215,9 +200,8 @@ def _checked(table: dict[str, Any], name: str) -> Task:
     made = checked(Task, {**table, "name": name}, f"task {name}")
     strange = [word for word in made.words if word in _NOT_WORDS or word not in RunConfig.model_fields]
     if strange:
-        raise unknown(
-            f"option in [words] of task {name}", strange[0], set(RunConfig.model_fields) - set(_NOT_WORDS)
-        )
+        known = set(RunConfig.model_fields) - set(_NOT_WORDS)
+        raise unknown(f"option in [words] of task {name}", strange[0], known)
     if made.hashes and len(made.hashes) != len(made.seeds):
         raise InputError(
             f"task {name}: {len(made.hashes)} hashes for {len(made.seeds)} seeds; give one a seed"

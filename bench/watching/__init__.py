@@ -26,21 +26,13 @@ from tactsim.hardware.device import Device
 from tactsim.hardware.sources import Corrected, taxels_of
 
 State = Literal["waiting", "live", "lost", "ended"]
-
 BIN_S = 0.1  # s of one value of the history
-
 HISTORY_S = 30.0
-
 _BINS = round(HISTORY_S / BIN_S)
-
 _RATE_BINS = 20  # over which the rate is counted
-
 _TARE_FRAMES = 100
-
 _TARE_S = 30.0  # s within which they must come
-
 _SAID_S = 10.0  # s for which it is said what becomes of a tare
-
 _SILENCE_S = 0.3  # s of silence that any pad is allowed
 
 _LONGEST_WAIT = (
