@@ -43,8 +43,8 @@ class Column(NamedTuple):
 
 LATER = ("nees",)  # columns that runs of earlier versions lack: what they hold is not known
 _FRAMES = {
-    "": "estimated robot_in_object",
-    "true_": "true robot_in_object",
+    "": "of the estimated robot_in_object",
+    "true_": "of the true robot_in_object",
     "start_": "where the first touch starts",
 }
 _AXES = {"x": "mm", "y": "mm", "z": "mm", "theta": "rad", "qw": "", "qx": "", "qy": "", "qz": ""}
@@ -56,22 +56,15 @@ COLUMNS = {
     "p_truth": Column("number", "", "the probability that the estimator gives the right label"),
     "p_label": Column("number", "", "the probability that it gives the label it names"),
     **{
-        f"{before}{axis}": Column(
-            "number", unit, f"{axis} of the {of}" if before != "start_" else f"{axis} {of}"
-        )
+        f"{before}{axis}": Column("number", unit, f"{axis} {of}")
         for before, of in _FRAMES.items()
         for axis, unit in _AXES.items()
     },
     "credibility": Column(
-        "number", "", "the smallest credible region that holds the true pose", unknown=True
+        "number", "", "the smallest region of the belief that holds the truth", unknown=True
     ),
     "radius_90": Column("number", "mm", "radius of the circle of the 90 % region's area", unknown=True),
-    "nees": Column(
-        "number",
-        "",
-        "squared error of the belief's mean over its covariance, a number of the pose",
-        unknown=True,
-    ),
+    "nees": Column("number", "", "squared error of the belief's mean over its covariance", unknown=True),
     "met": Column("count", "", "how many touches have met the object"),
     "evaluations": Column("count", "", "states at which the measurement model was asked"),
     "update_s": Column("number", "s", "processor time of the update"),
@@ -96,12 +89,9 @@ def columns(trials: Trials) -> Table:
     for before, of in kind.poses.items():
         array = getattr(trials, of)
         values |= {f"{before}{name}": array[..., place] for place, name in enumerate(kind.pose)}
-    return {
-        name: np.broadcast_to(
-            values[name] if name in values else getattr(trials, name), trials.label.shape
-        ).ravel()
-        for name in dict.fromkeys((*kind.columns, *kind.time_columns))
-    }
+    names = dict.fromkeys((*kind.columns, *kind.time_columns))
+    values |= {name: getattr(trials, name) for name in names if name not in values}
+    return {name: np.broadcast_to(values[name], trials.label.shape).ravel() for name in names}
 
 
 def trials_of(
@@ -240,9 +230,8 @@ def _narrow(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.kind == "f":
         return values.astype(np.float32)
     if values.dtype.kind == "i":
-        return values.astype(
-            np.promote_types(np.min_scalar_type(values.min()), np.min_scalar_type(values.max()))
-        )
+        ends = np.min_scalar_type(values.min()), np.min_scalar_type(values.max())
+        return values.astype(np.promote_types(*ends))
     return values
 
 

@@ -67,9 +67,8 @@ def mean(
     marked = np.ones(len(values)) if of is None else np.asarray(of, dtype=float)
     if np.isnan(values[marked > 0]).any():
         return NOTHING
-    return ratio(
-        np.where(marked > 0, values, 0.0), marked, sizes, level
-    )  # of the others nothing need be known
+    # Of the others nothing need be known.
+    return ratio(np.where(marked > 0, values, 0.0), marked, sizes, level)
 
 
 def share(
@@ -79,9 +78,8 @@ def share(
 
     Where something holds in all trials, it does in all draws of the bootstrap, which says nothing of the next trial.
     """
-    chosen = (
-        np.asarray(holds, dtype=float) if of is None else np.asarray(holds, dtype=float)[np.asarray(of, bool)]
-    )
+    chosen = np.asarray(holds, dtype=float)
+    chosen = chosen if of is None else chosen[np.asarray(of, bool)]
     if not len(chosen) or np.isnan(chosen).any():
         return NOTHING
     low, high = map(float, wilson(chosen.sum(), len(chosen), level))
@@ -115,12 +113,9 @@ def resampled(sizes: Sequence[int], rng: np.random.Generator, draws: int = DRAWS
     """Draw runs of these sizes with replacement, and trials of each; gives the trials' counts (draws, n)."""
     runs = rng.multinomial(len(sizes), np.full(len(sizes), 1 / len(sizes)), size=draws)  # (draws, runs)
     # k copies of a run are k times as many of its trials.
-    return np.hstack(
-        [
-            rng.multinomial(times * size, np.full(size, 1 / size))
-            for times, size in zip(runs.T, sizes, strict=True)
-        ]
-    ).astype(float)
+    pairs = zip(runs.T, sizes, strict=True)
+    drawn = [rng.multinomial(times * size, np.full(size, 1 / size)) for times, size in pairs]
+    return np.hstack(drawn).astype(float)
 
 
 @lru_cache(maxsize=4)
@@ -140,10 +135,9 @@ def paired_interval(difference: FloatArray, rng: np.random.Generator, level: flo
     if n < _ENOUGH_PAIRS:
         from scipy.special import stdtrit
 
-        middle = float(difference.mean())
-        half = (
-            float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n)) if n > 1 else 0.0
-        )
+        middle, half = float(difference.mean()), 0.0
+        if n > 1:
+            half = float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n))
         low, high = middle - half, middle + half
         return (min(low, 0.0), max(high, 0.0)) if n < FEWEST_PAIRS else (low, high)
     low, high = percentiles(resampled([n], rng, PAIRED_DRAWS) @ difference / n, level)

@@ -91,9 +91,8 @@ def compare_errors(errors: FloatArray, named: NDArray[np.bool_], counts: FloatAr
     low, high = percentiles(drawn)
     p = _largest_of(np.where(both.sum(axis=1) < FEWEST_PAIRS, 0.0, difference), drawn)
     square = [np.full((methods, methods), np.nan) for _ in range(3)] + [np.ones((methods, methods))]
-    for one, upper, lower in zip(
-        square, (difference, low, high, p), (-difference, -high, -low, p), strict=True
-    ):
+    halves = (difference, low, high, p), (-difference, -high, -low, p)
+    for one, upper, lower in zip(square, *halves, strict=True):
         one[first, second], one[second, first] = upper, lower
     return Errors(*square)
 
@@ -164,12 +163,10 @@ def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Rankin
 
     right = [one.trials.right[:, int(accuracy_by.partition("@")[2]) - 1] for one in pools]
     name, _, at = error_by.partition("@")
-    apart = [one.errors[:, int(at) - 1] for one in pools]
-    of_trials = [
-        one.trials.named[:, int(at) - 1] if name == "error_mm" else one.trials.known for one in pools
-    ]
-    placed = [~np.isnan(errors) for errors in apart]
-    counted = [chosen & known for chosen, known in zip(of_trials, placed, strict=True)]
+    k = int(at) - 1
+    apart = [one.errors[:, k] for one in pools]
+    of = [one.trials.named[:, k] if name == "error_mm" else one.trials.known for one in pools]
+    counted = [chosen & ~np.isnan(errors) for chosen, errors in zip(of, apart, strict=True)]
     accuracies = compare_accuracies(column(right))
     errors = compare_errors(np.nan_to_num(column(apart)), column(counted), pools[0].counts[:, orders[0]])
     if of_error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -122,17 +123,14 @@ class Standings:
 
 def ranking_figures(scored: Iterable[str], readings: int) -> tuple[str, str]:
     """Choose the figure that ranks on a task, the first accuracy or error that it names, and the other one."""
-    kind = {"accuracy": "accuracy", "error_mm": "error", "error_all_mm": "error"}
-    first: dict[str, str] = {}
-    for figure in scored:
-        of = kind.get(figure.partition("@")[0])
-        if of is not None:
-            first.setdefault(of, figure)
-    by = next(iter(first.values()), None)
-    first.setdefault("accuracy", f"accuracy@{min(5, readings)}")
-    first.setdefault("error", f"error_all_mm@{readings}")
-    by = by or first["accuracy"]
-    return by, next(figure for figure in first.values() if figure != by)
+    usual = (f"accuracy@{min(5, readings)}", f"error_all_mm@{readings}")
+    known = [
+        figure
+        for figure in (*scored, *usual)
+        if figure.startswith(("accuracy@", "error_mm@", "error_all_mm@"))
+    ]
+    by = known[0]
+    return by, next(one for one in known if one.startswith("accuracy@") != by.startswith("accuracy@"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,11 +259,7 @@ def _trials(bundle: Bundle) -> frozenset[TrialKey]:
 def _trials_of_the_task(known: Task | None, bundles: Sequence[Bundle]) -> frozenset[TrialKey]:
     """Name the trials that a task asks for; of a task that is not known, those that most of its bundles have."""
     if known is not None and known.letters:
-        return frozenset(
-            (seed, letter, number, known.readings)
-            for seed in known.seeds
-            for letter in known.letters
-            for number in range(known.trials)
-        )
+        asked = product(known.seeds, known.letters, range(known.trials), [known.readings])
+        return frozenset(asked)
     found = Counter(_trials(one) for one in bundles if one.runs)
     return found.most_common(1)[0][0] if found else frozenset()

@@ -22,7 +22,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators import Estimate, Estimator, create, names
 from tactsim.estimators.registry import load
 from tactsim.models import parse_letters
-from tactsim.press import WORLDS, ScanOptions, forward_model, scan_letters
+from tactsim.press import ScanOptions, forward_model, scan_letters
 
 QUICK = "quick"
 
@@ -94,16 +94,12 @@ class Outcome:
 
     def as_json(self) -> dict[str, Any]:
         """Put the outcome into what `--json` prints; a worst that is not finite is None."""
+        stated = ("name", "tags", "varied", "deviation", "limit", "because")
         return {
-            "name": self.case.name,
-            "tags": self.case.tags,
-            "varied": self.case.varied,
-            "deviation": self.case.deviation,
+            **{name: getattr(self.case, name) for name in stated},
             "worst": self.worst if math.isfinite(self.worst) else None,
             "at": self.at,
-            "limit": self.case.limit,
             "limit_is": "most",
-            "because": self.case.because,
             "verdict": self.verdict,
             "seconds": self.seconds,
         }
@@ -122,27 +118,22 @@ def case(
 
 def run_case(chosen: Case) -> Outcome:
     """Do one case. A RuntimeWarning, such as NumPy's for an overflow, fails it as any exception does."""
-    worst = Worst()
-    start = perf_counter()
-    broken = ""
+    worst, start = Worst(), perf_counter()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             chosen.measure(worst)
         if not worst.seen:
-            broken = "nothing was measured"
+            worst.see(math.inf, "nothing was measured")
     except Exception as error:
-        broken = f"{type(error).__name__}: {error}"
-    seconds = perf_counter() - start
-    if broken:
-        return Outcome(chosen, math.inf, broken, seconds)
-    return Outcome(chosen, worst.value, worst.at, seconds)
+        worst.value, worst.at = math.inf, f"{type(error).__name__}: {error}"
+    return Outcome(chosen, worst.value, worst.at, perf_counter() - start)
 
 
 def run_cases(chosen: Iterable[Case], progress: Callable[[str, int, int], None]) -> list[Outcome]:
     """Do the cases in order; progress("stress", done, total) is called after each."""
     cases = list(chosen)
-    outcomes = []
+    outcomes = list[Outcome]()
     progress("stress", 0, len(cases))
     for done, one in enumerate(cases, start=1):
         outcomes.append(run_case(one))
@@ -160,15 +151,12 @@ def refused(call: Callable[..., Any], *args: Any, **options: Any) -> bool:
 
 
 USUAL_BUDGET = 1000  # of an estimator, if a case asks for no other
-# What takes long to train is trained little: a case asks what the estimator takes and answers, not how good it is.
 
 
 @cache
-def pressed(letters: str = "AEIOU", world: str = "default", pad: Pad | None = None) -> Scan:
-    """Press letters in one of the ready-made worlds; test readings at the training poses, some of them at angle 0."""
-    options = ScanOptions(
-        **WORLDS[world], letters=parse_letters(letters), pad=pad or Pad(), test_poses="same"
-    )
+def pressed(letters: str = "AEIOU", pad: Pad | None = None) -> Scan:
+    """Press letters; test readings are at the training poses, some of them at angle 0."""
+    options = ScanOptions(letters=parse_letters(letters), pad=pad or Pad(), test_poses="same")
     return scan_letters(options, cache=False)[0]
 
 

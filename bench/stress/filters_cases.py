@@ -30,7 +30,6 @@ from tactsim.bench.stress.maps_cases import (
     straight_readings,
 )
 from tactsim.core import compose, wrap_angle
-from tactsim.estimators import Estimator
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.registry import load
@@ -75,9 +74,7 @@ def ten_thousand_readings(worst: Worst) -> None:
                 estimate = estimator.estimate()
                 worst.see(flaw(estimate), f"{name}, {count:,} readings")
                 if not draws(name):  # 300 particles may well lose a letter at the first reading
-                    worst.holds(
-                        estimate.label == "E", f"{name} says {estimate.label} after {count:,} readings"
-                    )
+                    worst.holds(estimate.label == "E", f"{name} says {estimate.label} after {count:,}")
 
 
 @case(
@@ -121,9 +118,7 @@ def no_drift(worst: Worst) -> None:
     scan, _ = on_the_lattice()
     one = one_state(scan.of_letters("AE"), gamma=0.6)
     readings, poses = straight_readings(scan)
-    said = np.array([
-        exact_log_p_of_letters(one, reading, pose) for reading, pose in zip(readings, poses, strict=True)
-    ])  # fmt: skip
+    said = np.array([exact_log_p_of_letters(one, *of) for of in zip(readings, poses, strict=True)])
     gain = said[:, 0] - said[:, 1]
     chosen: list[int] = []
     balance = 0.0
@@ -221,12 +216,11 @@ def budget_of_one(worst: Worst) -> None:
             for scan in (several, several.of_letters(["E"])):
                 options = dict(every_estimator(budget))[name]
                 where = f"{name}, {budget} for {len(scan.letters)} letters"
-                estimators: list[Estimator] = []
-                if refused(lambda: estimators.append(fitted(name, scan, **options))):  # noqa: B023
+                if refused(fitted, name, scan, **options):
                     worst.holds(True, where)
                     continue
                 readings, poses, _ = hidden(scan, "E", 3)
-                see_sound(worst, estimators[0], readings, poses, where)
+                see_sound(worst, fitted(name, scan, **options), readings, poses, where)
 
 
 @case(

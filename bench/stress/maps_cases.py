@@ -55,13 +55,11 @@ def exact_log_odds(
 def deviation(scan: Scan, label: str, **options: float) -> FloatArray:
     """Compare 200 cells of a learned map with the exact sum, relative to 1 + |log-odds|."""
     chart = learn_maps(scan, **options)[label]
+    without_cell = {name: value for name, value in options.items() if name != "cell"}
     rng = np.random.default_rng(0)
     row, column = (rng.integers(size, size=200) for size in chart.log_odds.shape)
     at = chart.origin + chart.cell * np.column_stack([column, row])
-    sensor = {
-        name: options.get(name, usual) for name, usual in (("sigma", 1.0), ("peak", 0.9), ("prior", 0.2))
-    }
-    exact = exact_log_odds(scan, label, at, **sensor)
+    exact = exact_log_odds(scan, label, at, **{"sigma": 1.0, "peak": 0.9, "prior": 0.2} | without_cell)
     return np.abs(chart.log_odds[row, column] - exact) / (1 + np.abs(exact))
 
 
@@ -192,9 +190,8 @@ def far_apart(worst: Worst) -> None:
     for decade in (3, 6, 9, 100, 300):
         poses = scan.poses.copy()
         poses[0, :2] = (10.0**decade, -(10.0**decade))
-        worst.holds(
-            refused(lambda far=poses: learn_maps(replace(scan, poses=far))) or decade < 4, f"1e{decade} mm"
-        )
+        far = refused(lambda of=poses: learn_maps(replace(scan, poses=of)))
+        worst.holds(far or decade < 4, f"1e{decade} mm")
 
 
 def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float:
@@ -283,9 +280,7 @@ def tables(worst: Worst) -> None:
     one = one_state(scan, gamma=0.6)
     for label in scan.letters:
         readings, poses = straight_readings(scan, label)
-        said = [
-            exact_log_p_of_letters(one, reading, pose) for reading, pose in zip(readings, poses, strict=True)
-        ]
+        said = [exact_log_p_of_letters(one, *of) for of in zip(readings, poses, strict=True)]
         for count in (1, 4, 16, 48, 192):
             one.reset(np.random.default_rng(0))
             for k in range(count):
@@ -319,10 +314,8 @@ def one_reading_below_float32(worst: Worst) -> None:
             one.update(reading, pose)
             exact = exact_log_p_of_letters(one, reading, pose)
             exact = np.exp(exact - exact.max())
-            got = one.estimate().probabilities
-            worst.see(
-                np.abs([got[label] for label in one.labels] - exact / math.fsum(exact)), f"gamma {value}"
-            )
+            got = [one.estimate().probabilities[label] for label in one.labels]
+            worst.see(np.abs(got - exact / math.fsum(exact)), f"gamma {value}")
 
 
 @case(
@@ -345,9 +338,8 @@ def products_would_be_zero(worst: Worst) -> None:
         for reading, pose in zip(readings, poses, strict=True):
             estimator.update(reading, pose)
             odds = chart.log_odds_at(transform(truth, transform(pose, scan.taxel_xy)))
-            log_p = math.fsum(
-                exact_log_p(k, x, 0.1, 0.2) for k, x in zip(classify(reading), odds, strict=True)
-            )
+            taxels = zip(classify(reading), odds, strict=True)
+            log_p = math.fsum(exact_log_p(k, x, 0.1, 0.2) for k, x in taxels)
             total += log_p
             with np.errstate(under="ignore"):
                 product32 *= np.float32(np.exp(log_p))

@@ -130,9 +130,8 @@ def refused_sensor(**options: Any) -> bool:
 
 def ends(option: FieldInfo) -> list[Any]:
     """List the bounds of an option that may be reached, or the words that it takes."""
-    bounds = [
-        getattr(limit, side) for limit in option.metadata for side in ("ge", "le") if hasattr(limit, side)
-    ]
+    sides = [(limit, side) for limit in option.metadata for side in ("ge", "le")]
+    bounds = [getattr(limit, side) for limit, side in sides if hasattr(limit, side)]
     return bounds or list(get_args(option.annotation) if get_origin(option.annotation) is Literal else ())
 
 
@@ -194,12 +193,11 @@ def tilt(worst: Worst) -> None:
                 options = ScanOptions(pad=wide, press=press, sensor=SensorOptions(noise=0, psf_sigma=0))
                 for pose in poses:
                     where = f"tilt {tilt_x}, {tilt_y}, hinges {stiffness}, {force} N at {pose.tolist()}"
-                    found: list[FloatArray] = []
-                    if refused(lambda: found.append(ideal("E", pose, options))):  # noqa: B023
+                    if refused(ideal, "E", pose, options):
                         worst.holds(True, where)
                         continue
-                    felt = found[0].sum() * 1.9**2 / 1e3
-                    worst.see(abs(felt / force - 1) if found[0].any() else 0.0, where)
+                    found = ideal("E", pose, options)
+                    worst.see(abs(found.sum() * 1.9**2 / 1e3 / force - 1) if found.any() else 0.0, where)
 
 
 def pressed_by(engine: str, touches: Touches, **press: Any) -> tuple[Pressed, FloatArray]:
