@@ -94,17 +94,14 @@ def estimator_of(config: Config, estimator: Estimator | None = None) -> Estimato
     for name, usual in (("bins", "histogram"), ("particles", "particle")):
         given = getattr(config, name, None) is not None
         if given and name not in load(config.estimator).options_type.model_fields:
-            raise InputError(
-                f"--{name} (in Python {name}): estimator {config.estimator} has none; leave it out, or add --estimator "
-                f"{usual}"
-            )
+            none = f"--{name} (in Python {name}): estimator {config.estimator} has none"
+            raise InputError(f"{none}; leave it out, or add --estimator {usual}")
     if estimator is None:
         estimator = create(config.estimator, **config.options)
     if config.kind != estimator.KIND:
         own = "leave out --task" if estimator.KIND == PLANE else f"add --task {estimator.KIND}"
-        raise InputError(
-            f"estimator {config.estimator} is for runs of kind {estimator.KIND}: {own}, or take another"
-        )
+        what = f"estimator {config.estimator} is for runs of kind {estimator.KIND}"
+        raise InputError(f"{what}: {own}, or take another")
     if config.explore == "information" and not estimator.proposes:
         raise proposes_none(config.estimator)
     return estimator

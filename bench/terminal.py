@@ -46,10 +46,7 @@ STAGES = {
 }
 ROWS = (1, 2, 3, 5, 7, 9, 10, 12, 15, 20, 25, 30, 40, 46, 50, 60, 80, 100, 150, 192)
 SHORT = (1, 2, 3, 5, 10, 20)  # and the last
-
-
-# s, between the lines of progress where there is no terminal to draw bars on
-LINE_EVERY = 10.0
+LINE_EVERY = 10.0  # s, between the lines of progress where there is no terminal to draw bars on
 
 
 @contextmanager
@@ -140,10 +137,8 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(line, style="bold")
     rows = _rows(run.readings, ROWS) if verbose else _rows(run.readings)
     console.print(_table(run, rows, verbose))
-    console.print(
-        f"right: share of the trials that name the {run.kind.thing}; error: how far from its "
-        f"true place they put it, mean over those named rightly"
-    )
+    right = f"right: share of the trials that name the {run.kind.thing}"
+    console.print(f"{right}; error: how far from its true place they put it, mean over those named rightly")
     k = min(5, run.readings)
     for name in (Path(path).stem for path in run.config.get("shapes") or ()):
         right = run.trials.right[run.trials.truth == name, k - 1]
@@ -192,11 +187,8 @@ def _pad_fit(facts: dict[str, Any]) -> str:
     said = f"fitted   {chosen or 'nothing'}; a covered taxel reads {facts['typical_reading']:.4g}"
     if facts["response_exponent"] != 1:
         said += f"; readings are straightened by the power {facts['response_exponent']:g}"
-    if facts["information_default"] is not None:
-        said += (
-            f"; a left-out taxel is told {facts['information_chosen']:.3f} nats, "
-            f"{facts['information_default']:.3f} with the defaults"
-        )
+    if (usual := facts["information_default"]) is not None:
+        said += f"; a left-out taxel is told {facts['information_chosen']:.3f} nats, {usual:.3f} with the defaults"
     return said
 
 
@@ -206,11 +198,8 @@ def print_places(run: Run, folder: Path) -> None:
     console.print(f"results  {folder}", soft_wrap=True)
     for picture in picture_names(run):
         console.print(f"picture  {folder / picture}", soft_wrap=True)
-    nexts = [
-        f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, what it mixes up, a trial"
-    ]
-    nexts += run.kind.nexts(run)
-    for line in nexts:
+    report = f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, what it mixes up, a trial"
+    for line in (report, *run.kind.nexts(run)):
         console.print(f"next     {line}", soft_wrap=True)
 
 
@@ -223,9 +212,8 @@ def print_sweep(places: list[Path]) -> None:
     from tactsim.bench.runs.pooled import pool
 
     console = plain_console()
-    for (protocol, task), grouped in groupby(
-        pool(map(load, places)), key=lambda one: (one.protocol, one.task)
-    ):
+    pooled = groupby(pool(map(load, places)), key=lambda one: (one.protocol, one.task))
+    for (protocol, task), grouped in pooled:
         pools = list(grouped)
         console.print(protocol, style="bold", end="; ")
         console.print(f"{task}; {tables.made_of(pools)}")
@@ -252,15 +240,11 @@ def details(run: Run) -> list[str]:
 def _refused(run: Run) -> str:
     """Say how often letters that it never learned were taken for none of those it knows, and those that it knows."""
     known, unknown = run.summary["refused_known"][-1], run.summary["refused_unknown"][-1]
-    return (
-        f"taken for none of the known letters at reading {run.readings}: {unknown:.0%} of the "
-        + (
-            "trials, in each of which the letter itself is not known"
-            if known is None
-            else f"trials of {', '.join(run.config['hold_out'])}, {known:.0%} of the others"
-        )
-        + ("" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `stacked` say so")
-    )
+    of = f"trials of {', '.join(run.config['hold_out'])}, {known or 0:.0%} of the others"
+    if known is None:
+        of = "trials, in each of which the letter itself is not known"
+    more = "" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `stacked` say so"
+    return f"taken for none of the known letters at reading {run.readings}: {unknown:.0%} of the {of}{more}"
 
 
 def work_line(work: Mapping[str, Any]) -> str:

@@ -354,9 +354,9 @@ class _UnderWay:
         rng, press, readings = generator(rules.seed, task, 0), rules.press, rules.readings
         self._kind = kinds.load(test.kind)
         first = self._kind.hide(test, rng)
-        self._touches = (
-            RecordedTouches(test) if press is None else press.touches(task.truth, task.trial, rules.seed)
-        )
+        self._touches: Touches = RecordedTouches(test)
+        if press is not None:
+            self._touches = press.touches(task.truth, task.trial, rules.seed)
         if rules.explore != "information":
             self._touches.shuffle(rng)
         self._true_pose = np.tile(first, (readings, 1))
@@ -385,9 +385,8 @@ class _UnderWay:
         while touch is None:
             candidates = self._touches.offer(self._true_pose[k])
             if not len(candidates):
-                raise InputError(
-                    f"{self.readings} readings a trial: no other press of {self._task.truth!r} comes to rest"
-                )
+                more = f"no other press of {self._task.truth!r} comes to rest"
+                raise InputError(f"{self.readings} readings a trial: {more}")
             chosen = 0
             if choose is not None:
                 start = process_time()

@@ -60,11 +60,8 @@ class _Verbs(TyperGroup):
 
     def __init__(self, **words: Any) -> None:
         super().__init__(**words)
-        self.commands = {
-            name: TyperCommand(name, rich_help_panel=group)
-            for group, names in GROUPS.items()
-            for name in names
-        }
+        pairs = ((name, group) for group, names in GROUPS.items() for name in names)
+        self.commands = {name: TyperCommand(name, rich_help_panel=group) for name, group in pairs}
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Name all verbs, for the help and for completion, which then say what each does."""
@@ -122,9 +119,8 @@ class _Verb(TyperCommand):
 def load(name: str) -> TyperCommand:
     """Import one of `VERBS`, with its options."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name, cls=_Verb)(
-        getattr(import_module(f"tactsim.bench.cli.{VERBS[name]}"), f"command_{name}")
-    )
+    file = import_module(f"tactsim.bench.cli.{VERBS[name]}")
+    alone.command(name, cls=_Verb)(getattr(file, f"command_{name}"))
     made = typer.main.get_command(alone)
     assert isinstance(made, TyperCommand)
     return made
@@ -172,11 +168,8 @@ def run_app() -> NoReturn:
     except MemoryError as error:
         fail(f"not enough memory: {error}; ask for fewer bins, particles, letters or taxels")
     except BrokenExecutor:
-        fail(
-            "a worker process died; it was killed or ran out of memory; nothing half-written was kept; "
-            "start again, perhaps with fewer --jobs",
-            FAILED,
-        )
+        died = "a worker process died; it was killed or ran out of memory; nothing half-written was kept"
+        fail(f"{died}; start again, perhaps with fewer --jobs", FAILED)
     except TyperException as error:
         fail(_in_plain_words(error) + _settings(error))
     except (KeyboardInterrupt, Abort):

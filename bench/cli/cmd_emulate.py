@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -102,11 +102,8 @@ def command_emulate(
     if letter is None:
         refuse_typed(context, ("pose",), "is where a letter is pressed; say which one with --letter")
     if letter is None and follow is None and plan is None:
-        refuse_typed(
-            context,
-            ("hold", "lift"),
-            "times presses, and nothing is pressed; say what with --letter, --follow or --plan",
-        )
+        why = "times presses, and nothing is pressed; say what with --letter, --follow or --plan"
+        refuse_typed(context, ("hold", "lift"), why)
     words = {"world": world, "scan_set": key_values(scan_set or (), "--scan-set"), "seed": seed}
     options = scan_options(**words, pad=device, letters="none" if shapes else None, shapes=shapes or ())
     if not slip_of_world(world).still:
@@ -151,9 +148,7 @@ def _record(
     check_new_file(out, marks, *read)
     if marks is not None:
         check_new_file(marks, out, *read, option="--marks")
-    if out.suffix not in (SUFFIX, ".csv") or (
-        out.suffix == ".csv" and not isinstance(device.codec, CsvFormat)
-    ):
+    if out.suffix != SUFFIX and not (out.suffix == ".csv" and isinstance(device.codec, CsvFormat)):
         raise InputError(
             f"--out {out}: name it FILE{SUFFIX}, or FILE.csv for a device whose codec is 'pps-csv'"
         )
@@ -205,16 +200,11 @@ def _pressing(
     if follow is None:
         nothing = np.zeros(options.pad.taxels)
         return lambda now: nothing
-    return Pressing(
-        options.pad.taxels,
-        Follower(
-            follow,
-            lambda plan: press_table(
-                own.get(plan.label, plan.label), np.array(plan.poses), options, rng
-            ),
-            timing.hold, timing.lift,
-        ),
-    )  # fmt: skip
+
+    def table_of(plan: Any) -> np.ndarray:
+        return press_table(own.get(plan.label, plan.label), np.array(plan.poses), options, rng)
+
+    return Pressing(options.pad.taxels, Follower(follow, table_of, timing.hold, timing.lift))
 
 
 def _serve(port: str, emulated: Emulated, faults: Faults, rng: np.random.Generator) -> None:

@@ -158,11 +158,6 @@ def command_watch(
         reader = PadReader(source, played, " ".join(port), correction)
         page = WebPage(reader, web_port, from_behind=seen == "behind") if web else None
         with reader, page or nullcontext():
-            watch(
-                reader,
-                console,
-                from_behind=seen == "behind",
-                seconds=seconds,
-                page=None if page is None else page.url,
-            )
+            url = None if page is None else page.url
+            watch(reader, console, from_behind=seen == "behind", seconds=seconds, page=url)
         reader.check()

@@ -79,10 +79,9 @@ def command_run(
         words = {**_BY_HAND, **words}
     config = any_config(**words)
     if "task" in words and config.task is None:
-        plain_console(stderr=True).print(
-            f"a look at task {words['task']} and no result on it: fewer trials or readings than it has, or a "
-            "seed for development"
-        )
+        look = f"a look at task {words['task']} and no result on it"
+        why = "fewer trials or readings than it has, or a seed for development"
+        plain_console(stderr=True).print(f"{look}: {why}")
     folder = results_folder(out, config.estimator)
     if port is not None:
         assert isinstance(config, RunConfig)  # a task has readings of its own
@@ -105,9 +104,8 @@ def command_run(
         if place is not None:
             print_places(run, place)
         if port is not None:
-            plain_console().print(
-                f"presses  {run.config['presses']}; `bench run --presses` tries other estimators on them"
-            )
+            again = "`bench run --presses` tries other estimators on them"
+            plain_console().print(f"presses  {run.config['presses']}; {again}")
 
 
 def _print_shapes(config: RunConfig, console: Console) -> None:

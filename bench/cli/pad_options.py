@@ -160,14 +160,10 @@ def station(
     """Describe where a person presses."""
     from tactsim.bench.pad.guided import Station
 
-    return Station(
-        ports,
-        device,
-        calibration,
-        lambda plan, tare: segment(device, ports, tare, plan=plan.model_dump(mode="json")),
-        seen == "behind",
-        console,
-    )
+    def segment_of(plan: Any, tare: Calibration | None) -> dict[str, Any]:
+        return segment(device, ports, tare, plan=plan.model_dump(mode="json"))
+
+    return Station(ports, device, calibration, segment_of, seen == "behind", console)
 
 
 def _force(text: str) -> tuple[float, float]:
