@@ -103,7 +103,9 @@ def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
                 raise InputError(f"array {name!r} is a {kind}, no numbers or names")
             left -= 8 * prod(shape)
             if left < 0:
-                raise InputError(f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan holds")
+                raise InputError(
+                    f"array {name!r} claims {8 * prod(shape):,} bytes, more than a scan may hold"
+                )
         read = loadmat(BytesIO(content), variable_names=list(variables.values()))
     except InputError:
         raise

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from tactsim.bench.kinds import PLANE
 from tactsim.bench.results import Run
-from tactsim.bench.runs.naming import budget
+from tactsim.bench.runs.pooled import budget
 
 LETTERS = ("A", "E", "I", "O", "U")
 

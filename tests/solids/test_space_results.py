@@ -8,7 +8,7 @@ from made_up_space import make_space_run
 
 from tactsim.bench import formats
 from tactsim.bench.results import load
-from tactsim.bench.runs.naming import task_name
+from tactsim.bench.runs.pooled import task_name
 from tactsim.core import InputError
 from tactsim.solids.score import SpaceTrials
 
