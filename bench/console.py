@@ -68,6 +68,11 @@ def plain_console(stderr: bool = False) -> Console:
     return _PlainConsole(stderr=stderr, markup=False, highlight=False, emoji=False)
 
 
+def rounded(value: float, digits: int, sign: str = "") -> str:
+    """Write a number with so many decimals; what rounds to nothing has no minus. sign: "+" writes a plus, too."""
+    return f"{value:{sign}z.{digits}f}"
+
+
 @contextmanager
 def kept_clear(wanted: bool) -> Iterator[None]:
     """Lead what is written to standard output within the block to standard error, that of worker processes too.

@@ -9,6 +9,7 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
+from tactsim.bench.console import rounded as rounded
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,11 +85,6 @@ def segment(device: Device, ports: list[str], calibration: Calibration | None, *
         "versions": versions(),
         **more,
     }
-
-
-def rounded(value: float, digits: int, sign: str = "") -> str:
-    """Write a number with so many decimals; what rounds to nothing has no minus. sign: "+" writes a plus, too."""
-    return f"{round(value, digits) + 0.0:{sign}.{digits}f}"
 
 
 def counters_line(counters: dict[str, int]) -> str:

@@ -35,9 +35,8 @@ _TARE_S = 30.0  # s within which they must come
 _SAID_S = 10.0  # s for which it is said what becomes of a tare
 _SILENCE_S = 0.3  # s of silence that any pad is allowed
 
-_LONGEST_WAIT = (
-    1.0  # s: the source is asked so often at least, so that the thread ends soon when it is told to
-)
+# s: the source is asked so often at least, so that the thread ends soon when it is told to.
+_LONGEST_WAIT = 1.0
 
 _LEAST_SCALE = 10.0  # kPa: noise alone does not fill the scale
 
@@ -235,9 +234,9 @@ class PadReader:
         with self._changed:
             if self._taring is not None:
                 reading = self._take_tare(reading, now)
-            corrected = (
-                reading.pressures if self._correction is None else self._correction.whole(reading.pressures)
-            )
+            corrected = reading.pressures
+            if self._correction is not None:
+                corrected = self._correction.whole(corrected)
             pressures = np.full(self.pad.taxels, np.nan)
             pressures[self._places] = corrected
             pressures[~self._kept] = np.nan

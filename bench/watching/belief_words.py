@@ -73,10 +73,8 @@ class BeliefWords:
         """Say how soon after a touch it was known, over all touches: the mean and the slowest of a hundred, ms."""
         delays = 1e3 * np.array(self.leading.recogniser.delays)
         mean, slowest = delays.mean(), np.quantile(delays, 0.99)
-        return (
-            f"{counted(len(delays), 'touch')}, each known {mean:.1f} ms after it on average, the slowest of a hundred "
-            f"{slowest:.1f} ms"
-        )
+        known = f"{counted(len(delays), 'touch')}, each known {mean:.1f} ms after it on average"
+        return f"{known}, the slowest of a hundred {slowest:.1f} ms"
 
     def json_of(self, belief: Belief) -> dict[str, Any]:
         """Describe a belief by numbers: mm, rad, ms.
@@ -111,16 +109,10 @@ class BeliefWords:
 
     def about(self) -> dict[str, Any]:
         """Tell a page once what it needs to draw beliefs."""
-        return {
-            "live": {
-                "letters": self.letters,
-                "outlines": {
-                    label: [np.round(contour, 2).tolist() for contour in contours]
-                    for label, contours in self.outlines.items()
-                },
-                "commands": list(self.leading.commands()),
-            }
-        }
+        lines = self.outlines.items()
+        outlines = {label: [np.round(contour, 2).tolist() for contour in of] for label, of in lines}
+        commands = list(self.leading.commands())
+        return {"live": {"letters": self.letters, "outlines": outlines, "commands": commands}}
 
     def event(self, sent: dict[str, int]) -> dict[str, Any]:
         """Describe what is asked for, and the belief if it is another than the browser was `sent`; renews that."""

@@ -7,13 +7,13 @@ import sys
 import time
 from collections.abc import Callable
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group
 from rich.text import Text
 
 from tactsim.bench.watching import PadReader, PadView
 from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.touch_leader import LiveView
-from tactsim.bench.watching.watch_screen import REDRAW_S, pad_lines, show, state_text
+from tactsim.bench.watching.watch_screen import REDRAW_S, one_line, pad_lines, show, state_text
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray
 
@@ -64,22 +64,16 @@ def live(
 def _screen(
     view: PadView, reader: PadReader, words: BeliefWords, console: Console, page: str | None
 ) -> Group:
-    colours = console.color_system is not None and not console.no_color
-    width, height = console.size
     now = words.leading.view()
-    wrong = view.trouble or view.message or now.message
-    lines: list[RenderableType] = [
+    return Group(
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks(view, now),
         Text(words.where(now), "bold"),
-        Text(printable(wrong), "red", no_wrap=True, overflow="ellipsis"),
-        *pad_lines(
-            view, reader, width=width - 1, height=height - 9, from_behind=words.from_behind, colours=colours
-        ),
+        one_line(view.trouble or view.message or now.message, "red"),
+        *pad_lines(view, reader, console, beside=9, from_behind=words.from_behind),
         Text(printable(words.line(now.belief)), "bold"),
         Text(_KEYS, "dim", no_wrap=True),
-    ]
-    return Group(*lines)
+    )
 
 
 def asks(view: PadView, now: LiveView) -> Text:

@@ -46,9 +46,8 @@ class Belief:
         """Give where the touches lie on the most probable object, (n, 3); None before the first."""
         if self.estimate is None:
             return None
-        return compose(
-            self.estimate.robot_in_object, np.array([touch.sensor_in_robot for touch in self.touches])
-        )
+        poses = np.array([touch.sensor_in_robot for touch in self.touches])
+        return compose(self.estimate.robot_in_object, poses)
 
 
 NOTHING = Belief()

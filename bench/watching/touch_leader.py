@@ -210,9 +210,5 @@ class TouchLeader(Leader):
     def _ask(self, number: int) -> None:
         with self.changed:
             self.session.current, self.choosing = number, False
-            self._set(
-                phase=self.session.phase.value,
-                message=self.session.message,
-                asked=self._poses[number],
-                tried=False,
-            )
+            now = {"phase": self.session.phase.value, "message": self.session.message}
+            self._set(**now, asked=self._poses[number], tried=False)

@@ -14,7 +14,7 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from tactsim.bench.cli.pad_options import rounded
+from tactsim.bench.console import rounded
 from tactsim.bench.watching import PadReader, PadView
 from tactsim.core.counters import counter_words
 from tactsim.core.errors import printable
@@ -98,9 +98,8 @@ def status_line(view: PadView) -> str:
 def counters_shown(counters: dict[str, int]) -> str:
     """List what went wrong between device and reading, the counters that are not zero."""
     plain = ("bytes", "frames", "readings")
-    told = [
-        f"{counter_words(name)} {count:,}" for name, count in counters.items() if count and name not in plain
-    ]
+    wrong = {name: count for name, count in counters.items() if count and name not in plain}
+    told = [f"{counter_words(name)} {count:,}" for name, count in wrong.items()]
     return ", ".join(told[:_MOST_COUNTERS]) + (" ..." if len(told) > _MOST_COUNTERS else "")
 
 
@@ -110,19 +109,17 @@ def sparkline(forces: list[float | None], width: int) -> str:
     for place in range(1, len(shown)):
         if shown[place] is None and any(value is not None for value in shown[place + 1 : place + _MOMENT]):
             shown[place] = shown[place - 1]
-    most = max([value for value in shown if value is not None] or [0.0])
-    top = len(_BARS) - 1
-    line = "".join(
-        " " if value is None else _BARS[min(max(round(top * value / max(most, 0.05)), 0), top)]
-        for value in shown
-    )
-    return line.rjust(width)
+    most, top = max([0.05, *(value for value in shown if value is not None)]), len(_BARS) - 1
+    bars = (" " if value is None else _BARS[max(round(top * value / most), 0)] for value in shown)
+    return "".join(bars).rjust(width)
 
 
 def pad_lines(
-    view: PadView, reader: PadReader, *, width: int, height: int, from_behind: bool, colours: bool
+    view: PadView, reader: PadReader, console: Console, *, beside: int, from_behind: bool
 ) -> list[RenderableType]:
-    """Draw the picture of the pad and its scale within `width` x `height` characters."""
+    """Draw the picture of the pad and its scale, which leave `beside` lines of the screen to others."""
+    width, height = console.width - 1, console.height - beside
+    colours = console.color_system is not None and not console.no_color
     picture = tactile_image(
         view.pressures, reader.pad.taxel_xy, from_behind, (width, height - 1), scale=view.scale,
         marks=dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
@@ -156,27 +153,25 @@ def _screen(
     from_behind: bool,
     page: str | None,
 ) -> Group:
-    width, height = console.size
     shown = view if frozen is None else frozen
     left_out = f"x left out: {reader.device.called(*shown.left_out)}" if shown.left_out else ""
-    colours = console.color_system is not None and not console.no_color
-    lines: list[RenderableType] = [
-        Text(printable(f"{reader.device.name} at {reader.name}"), "bold", no_wrap=True, overflow="ellipsis"),
+    curve = sparkline(reader.history(), max(console.width - 18, 1))
+    return Group(
+        one_line(f"{reader.device.name} at {reader.name}", "bold"),
         state_text(view, frozen is not None),
-        Text(printable(view.trouble), "red", no_wrap=True, overflow="ellipsis"),
-        Text(
-            f"force {rounded(shown.force, 2):>6} N  {sparkline(reader.history(), max(width - 18, 1))}",
-            no_wrap=True,
-        ),
-        *pad_lines(
-            shown, reader, width=width - 1, height=height - 11, from_behind=from_behind, colours=colours
-        ),
-        Text(left_out, "dim", no_wrap=True, overflow="ellipsis"),
-        Text(counters_shown(view.counters), "dim", no_wrap=True, overflow="ellipsis"),
+        one_line(view.trouble, "red"),
+        Text(f"force {rounded(shown.force, 2):>6} N  {curve}", no_wrap=True),
+        *pad_lines(shown, reader, console, beside=11, from_behind=from_behind),
+        one_line(left_out, "dim"),
+        one_line(counters_shown(view.counters), "dim"),
         Text(printable(view.message), "yellow"),
-        Text(_KEYS + (f"   {page}" if page else ""), "dim", no_wrap=True, overflow="ellipsis"),
-    ]
-    return Group(*lines)
+        one_line(_KEYS + (f"   {page}" if page else ""), "dim"),
+    )
+
+
+def one_line(words: str, style: str) -> Text:
+    """Write words in one line of a screen, which ends with dots where they have no room."""
+    return Text(printable(words), style, no_wrap=True, overflow="ellipsis")
 
 
 def state_text(view: PadView, frozen: bool) -> Text:

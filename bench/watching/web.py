@@ -90,20 +90,14 @@ class WebPage:
 
 def event_of(reader: PadReader, view: PadView) -> dict[str, Any]:
     """Describe a view, and the force of the last seconds, for the page as JSON."""
+    as_they_are = ("number", "state", "trouble", "readings", "scale", "counters", "tared", "message")
     return {
-        "number": view.number,
-        "state": view.state,
-        "trouble": view.trouble,
+        **{name: getattr(view, name) for name in as_they_are},
         "sent": round(time.monotonic(), 3),
-        "readings": view.readings,
         "rate": round(view.rate, 1),
         "force": round(view.force, 3) + 0.0,
-        "scale": view.scale,
         "pressures": None if view.pressures is None else numbers(view.pressures, 1),
-        "counters": view.counters,
         "leftOut": view.left_out,
-        "tared": view.tared,
-        "message": view.message,
         "history": [None if force is None else round(force, 3) for force in reader.history()],
     }
 
@@ -170,24 +164,23 @@ class _Handler(BaseHTTPRequestHandler):
         port = self.server.server_port
         return self.headers.get("Host") in (f"{HOST}:{port}", f"localhost:{port}")
 
-    def _give(self, content: bytes, kind: str) -> None:
-        self.send_response(HTTPStatus.OK)
+    def _begin(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
+        self.send_response(status)
         self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
+        if length is not None:
+            self.send_header("Content-Length", str(length))
         self.end_headers()
+
+    def _give(self, content: bytes, kind: str) -> None:
+        self._begin(HTTPStatus.OK, kind, len(content))
         self.wfile.write(content)
 
     def _refuse(self, status: HTTPStatus) -> None:
-        self.send_response(status)
-        self.send_header("Content-Length", "0")
-        self.end_headers()
+        self._begin(status, "text/plain", 0)
 
     def _stream(self) -> None:
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", "text/event-stream")
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
+        self._begin(HTTPStatus.OK, "text/event-stream")
         sent: dict[str, int] = {}
         number, pause = -1, _FASTEST_S
         while True:
@@ -223,11 +216,6 @@ def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> byt
         "counterWords": {name: counter_words(name) for name in Counters().as_dict()},
         **about,
     }
-    return render(
-        "watching/assets/watch.html",
-        scripts=_SCRIPTS,
-        styles=_STYLES,
-        title=f"{reader.device.name}: {reader.name}",
-        data=told,
-        policy="connect-src 'self'; ",
-    ).encode()
+    look: dict[str, Any] = {"scripts": _SCRIPTS, "styles": _STYLES, "policy": "connect-src 'self'; "}
+    title = f"{reader.device.name}: {reader.name}"
+    return render("watching/assets/watch.html", title=title, data=told, **look).encode()
