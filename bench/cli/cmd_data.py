@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -17,15 +17,12 @@ if TYPE_CHECKING:
 
 
 def command_data(
-    action: Annotated[
-        str | None, typer.Argument(metavar="[get]", help="Download, check and import one.")
-    ] = None,
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Which one.")] = None,
-    source: Annotated[
-        Path | None,
-        typer.Option("--from", help="Download nothing: the file, or the folder that holds the files."),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="The scan to write. [default: NAME.npz]")] = None,
+    action: str | None = typer.Argument(None, metavar="[get]", help="Download, check and import one."),
+    name: str | None = typer.Argument(None, metavar="[NAME]", help="Which one."),
+    source: Path | None = typer.Option(
+        None, "--from", help="Download nothing: the file, or the folder that holds the files."
+    ),
+    out: Path | None = typer.Option(None, help="The scan to write. [default: NAME.npz]"),
     as_json: shared.AsJson = False,
 ) -> None:
     """List public recordings of real pads, or `get` one: download, check and import it as a scan."""
@@ -34,7 +31,6 @@ def command_data(
     from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.formats import public_recordings as public
     from tactsim.bench.places import check_new_file
-    from tactsim.core import InputError
 
     if action is None:
         if source is not None or out is not None:
@@ -77,9 +73,9 @@ def _lines(recording: Recording) -> list[str]:
 
 
 def command_export(
-    source: Annotated[Path, typer.Argument(metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run.")],
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="The format: parquet, hdf5, or of a scan csv.")],
-    out: Annotated[Path, typer.Option(help="The new folder (parquet) or the file (.h5, .csv) to write.")],
+    source: Path = typer.Argument(..., metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run."),
+    to: str = typer.Option(..., metavar="FORMAT", help="The format: parquet, hdf5, or of a scan csv."),
+    out: Path = typer.Option(..., help="The new folder (parquet) or the file (.h5, .csv) to write."),
     licence: shared.Licence = None,
 ) -> None:
     """Write a scan, or the trials of a run, in a format of others: Parquet, HDF5 or CSV."""
@@ -88,7 +84,7 @@ def command_export(
     from tactsim.bench.formats.csv_file import write_press_table
     from tactsim.bench.places import check_new_file, check_new_folder
     from tactsim.bench.results import Run
-    from tactsim.core import InputError, Scan
+    from tactsim.core import Scan
     from tactsim.core.files import replacing
 
     form = None if to == "csv" else formats.find(to)
@@ -103,9 +99,7 @@ def command_export(
         if isinstance(what, Run):
             raise InputError("--licence is of a scan; the trials of a run state none")
         what = what.licensed(licence)
-    if form is None and isinstance(
-        what, Scan
-    ):  # a table does not say its pad, so it is no format that comes back
+    if form is None and isinstance(what, Scan):  # a table, which does not say its pad, does not come back
         with replacing(out) as stream:
             write_press_table(what, stream)
     else:
@@ -119,52 +113,36 @@ def command_export(
 
 def command_import(
     context: typer.Context,
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="FILE|FOLDER", help="A folder of Parquet, or a .h5, .npz, .mat or .csv file."),
-    ],
-    out: Annotated[Path, typer.Option(help="The scan to write, .npz.")],
-    pad: Annotated[
-        str | None,
-        typer.Option(
-            "--pad",
-            "--device",
-            metavar="FILE|NAME",
-            help="Of data of other people: the pad, a file of its measures or of a device (.toml), or a "
-            "built-in name; `bench devices` names them.",
-        ),
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            help="Of data of other people: what readings are in: kPa, N, V, count, or Pa, mbar, psi, mmHg"
-        ),
-    ] = None,
-    readings: Annotated[
-        str, typer.Option(help="Of arrays: what the readings are called in the file.")
-    ] = "readings",
-    poses: Annotated[
-        str, typer.Option(help="What the poses are called: sensor in object, mm, mm, rad.")
-    ] = "poses",
-    labels: Annotated[
-        str,
-        typer.Option(help="What the names of the objects are called; of a folder of frames: folder or name."),
-    ] = "labels",
-    split: Annotated[
-        str | None,
-        typer.Option(help="What says train or test is called. Default: all presses are to train on."),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(help="What columns of a table are called: x_mm=position,label=:cable,taxels=pil*_fz."),
-    ] = None,
-    files: Annotated[str, typer.Option(help="Of a folder of frames: which files are read, *.txt.")] = "*",
-    test: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What is to test with: a share of each object's presses, 25%, or of a folder files, S13/*."
-        ),
-    ] = None,
+    source: Path = typer.Argument(
+        ..., metavar="FILE|FOLDER", help="A folder of Parquet, or a .h5, .npz, .mat or .csv file."
+    ),
+    out: Path = typer.Option(..., help="The scan to write, .npz."),
+    pad: str | None = typer.Option(
+        None,
+        "--pad",
+        "--device",
+        metavar="FILE|NAME",
+        help="Of data of other people: the pad, a file of its measures or of a device (.toml), or a "
+        "built-in name; `bench devices` names them.",
+    ),
+    unit: str | None = typer.Option(
+        None, help="Of data of other people: what readings are in: kPa, N, V, count, or Pa, mbar, psi, mmHg"
+    ),
+    readings: str = typer.Option("readings", help="Of arrays: what the readings are called in the file."),
+    poses: str = typer.Option("poses", help="What the poses are called: sensor in object, mm, mm, rad."),
+    labels: str = typer.Option(
+        "labels", help="What the names of the objects are called; of a folder of frames: folder or name."
+    ),
+    split: str | None = typer.Option(
+        None, help="What says train or test is called. Default: all presses are to train on."
+    ),
+    columns: str | None = typer.Option(
+        None, help="What columns of a table are called: x_mm=position,label=:cable,taxels=pil*_fz."
+    ),
+    files: str = typer.Option("*", help="Of a folder of frames: which files are read, *.txt."),
+    test: list[str] | None = typer.Option(
+        None, help="What is to test with: a share of each object's presses, 25%, or of a folder files, S13/*."
+    ),
     shapes: shared.Shapes = None,
     licence: shared.Licence = None,
     zero: shared.Zero = "auto",
@@ -178,7 +156,7 @@ def command_import(
     from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
     from tactsim.bench.pad import with_shapes
     from tactsim.bench.places import check_new_file
-    from tactsim.core import InputError, Scan
+    from tactsim.core import Scan
     from tactsim.core.idle import settled
     from tactsim.hardware.device import load_device
 
@@ -203,9 +181,8 @@ def command_import(
                 if not source.exists():
                     raise InputError(f"cannot read {source}: there is no such file") from None
                 missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
-                raise InputError(
-                    f"{source} does not say its pad and unit; give {' and '.join(missing)}"
-                ) from None
+                more = f"give {' and '.join(missing)}"
+                raise InputError(f"{source} does not say its pad and unit; {more}") from None
             raise InputError(
                 f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
             )
@@ -215,14 +192,12 @@ def command_import(
             by = labels if is_typed(context, "labels") else None
             scan = read_press_folder(source, measures, unit, by, files, patterns)
         elif table:
-            refuse_typed(
-                context, names, "is of .npz, .mat and .h5 files; of a table --columns names the columns"
-            )
+            why = "is of .npz, .mat and .h5 files; of a table --columns names the columns"
+            refuse_typed(context, names, why)
             scan = read_press_table(source, measures, unit, columns_of(columns) if columns else None)
         else:
-            called = {"readings": readings, "poses": poses, "labels": labels} | (
-                {"split": split} if split else {}
-            )
+            called = {"readings": readings, "poses": poses, "labels": labels}
+            called |= {"split": split} if split else {}
             scan = read_arrays(source, called, measures, unit)
         if shares:
             scan = with_last_to_test(scan, shares[0])
@@ -235,11 +210,8 @@ def command_import(
                 f"{source} says its pad and unit itself; --pad and --unit are of .npz, .mat and .csv files"
             )
         refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
-        refuse_typed(
-            context,
-            ("zero", "idle", "test"),
-            f"is of .npz, .mat and .csv files; {source} is a scan as it was exported",
-        )
+        why = f"is of .npz, .mat and .csv files; {source} is a scan as it was exported"
+        refuse_typed(context, ("zero", "idle", "test"), why)
         scan, told = formats.read(source), ""
     scan = with_shapes(scan, shapes or ())
     if licence is not None:
@@ -255,21 +227,21 @@ def command_import(
 
 def command_align(
     context: typer.Context,
-    scan: Annotated[Path, typer.Argument(help="A scan of presses that each hold most of an object.")],
-    out: Annotated[Path, typer.Option(help="The scan to write, .npz, for `bench run --scan`.")],
-    poses: Annotated[
-        Literal["unknown"] | None,
-        typer.Option(help="Withhold the poses that the scan states, to see what is found without them."),
-    ] = None,
-    cut: Annotated[str | None, typer.Option(help="Then cut presses into small touches, like 6x6.")] = None,
-    stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
-    touching: Annotated[
-        str | None, typer.Option(help="Keep cuts of which so many taxels at least read more than that: 3:24.")
-    ] = None,
+    scan: Path = typer.Argument(..., help="A scan of presses that each hold most of an object."),
+    out: Path = typer.Option(..., help="The scan to write, .npz, for `bench run --scan`."),
+    poses: Literal["unknown"] | None = typer.Option(
+        None, help="Withhold the poses that the scan states, to see what is found without them."
+    ),
+    cut: str | None = typer.Option(None, help="Then cut presses into small touches, like 6x6."),
+    stride: int = typer.Option(1, min=1, help="Taxels from one cut to the next."),
+    touching: str | None = typer.Option(
+        None, help="Keep cuts of which so many taxels at least read more than that: 3:24."
+    ),
     as_json: shared.AsJson = False,
 ) -> None:
     """Find how presses lie of which nobody noted the poses, by laying those of each object over each other."""
     import json
+    from functools import partial
 
     from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.pad.alignment import align
@@ -285,9 +257,7 @@ def command_align(
     least = None if touching is None else _touching(touching)
     read = Scan.load(scan)
     with kept_clear(as_json), progress_bars() as progress:
-        made, _ = align(
-            read, withheld=poses is not None, progress=lambda done, total: progress("align", done, total)
-        )
+        made, _ = align(read, withheld=poses is not None, progress=partial(progress, "align"))
     if window is not None:
         made = cut_scan(made, *window, stride, least)
     made.save(out)
@@ -299,9 +269,8 @@ def command_align(
     for label, of in said.items():
         counts = " and ".join(map(str, of["presses"]))
         several = f" in {len(of['presses'])} views" if len(of["presses"]) > 1 else ""
-        lines.append(
-            f"{label}: {counts} presses{several}, which resemble their picture by {of['resemblance']:.2f}"
-        )
+        alike = f"which resemble their picture by {of['resemblance']:.2f}"
+        lines.append(f"{label}: {counts} presses{several}, {alike}")
     if any(len(of["presses"]) > 1 for of in said.values()):
         lines.append(
             "an object of several views lies on one side or on another; two under one label look so, too"

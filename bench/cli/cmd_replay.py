@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -20,43 +20,36 @@ if TYPE_CHECKING:
 
 def command_replay(
     context: typer.Context,
-    recordings: Annotated[
-        list[Path], typer.Argument(help="Recordings (.tactrec), or one as a table of text (.csv).")
-    ],
-    scan: Annotated[
-        Path | None, typer.Option(help="Write their presses as one scan, .npz, for `bench run --scan`.")
-    ] = None,
-    csv: Annotated[Path | None, typer.Option(help="Write the readings of one recording as CSV, kPa.")] = None,
-    marks: Annotated[
-        Path | None,
-        typer.Option(help="For an unguided recording: a CSV of what was pressed, when and where."),
-    ] = None,
-    letters: Annotated[
-        str | None,
-        typer.Option(
-            help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own."
-        ),
-    ] = None,
+    recordings: list[Path] = typer.Argument(
+        ..., help="Recordings (.tactrec), or one as a table of text (.csv)."
+    ),
+    scan: Path | None = typer.Option(
+        None, help="Write their presses as one scan, .npz, for `bench run --scan`."
+    ),
+    csv: Path | None = typer.Option(None, help="Write the readings of one recording as CSV, kPa."),
+    marks: Path | None = typer.Option(
+        None, help="For an unguided recording: a CSV of what was pressed, when and where."
+    ),
+    letters: str | None = typer.Option(
+        None,
+        help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own.",
+    ),
     shapes: shared.Shapes = None,
-    moments: Annotated[
-        str | None,
-        typer.Option(
-            help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
-            "presses of other loads are recognised, too. Default: with --marks auto, where there is a rise."
-        ),
-    ] = None,
-    at_load: Annotated[
-        str | None,
-        typer.Option(help="Take the test presses at a share of their load, such as 75%, on the way there."),
-    ] = None,
-    cut: Annotated[
-        str | None, typer.Option(help="Cut the readings of a large array into small touches, like 5x5.")
-    ] = None,
-    stride: Annotated[int, typer.Option(min=1, help="Taxels from one cut to the next.")] = 1,
-    rate: Annotated[
-        float | None,
-        shared.number("Readings a second of recordings that state no times.", metavar="HZ"),
-    ] = None,
+    moments: str | None = typer.Option(
+        None,
+        help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
+        "presses of other loads are recognised, too. Default: with --marks auto, where there is a rise.",
+    ),
+    at_load: str | None = typer.Option(
+        None, help="Take the test presses at a share of their load, such as 75%, on the way there."
+    ),
+    cut: str | None = typer.Option(
+        None, help="Cut the readings of a large array into small touches, like 5x5."
+    ),
+    stride: int = typer.Option(1, min=1, help="Taxels from one cut to the next."),
+    rate: float | None = shared.number(
+        "Readings a second of recordings that state no times.", default=None, metavar="HZ"
+    ),
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     zero: shared.Zero = "auto",
