@@ -110,9 +110,7 @@ def run(
         )
     for name, readings in (("scan", scan), ("train_scan", train_scan)):
         if not isinstance(readings, Scan | str | Path | None):
-            raise InputError(
-                f"{name} is {short(readings)}; give a Scan, or the path of a file that holds one"
-            )
+            raise InputError(f"{name} is {short(readings)}; give a Scan, or the path of its file")
         if isinstance(readings, Scan) and readings.kind != kinds.PLANE:
             raise InputError(
                 f"the scan is of {readings.kind}; save it, and give its file as scan, and task={readings.kind!r}"

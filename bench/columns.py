@@ -60,9 +60,7 @@ COLUMNS = {
         for before, of in _FRAMES.items()
         for axis, unit in _AXES.items()
     },
-    "credibility": Column(
-        "number", "", "the smallest region of the belief that holds the truth", unknown=True
-    ),
+    "credibility": Column("number", "", "the smallest region of belief that holds the truth", unknown=True),
     "radius_90": Column("number", "mm", "radius of the circle of the 90 % region's area", unknown=True),
     "nees": Column("number", "", "squared error of the belief's mean over its covariance", unknown=True),
     "met": Column("count", "", "how many touches have met the object"),

@@ -191,12 +191,8 @@ class Slip(BaseModel):
     walk_mm: float = Field(0.0, ge=0, le=100, description="mm, sd of a random step in x and in y")
     walk_rad: float = Field(0.0, ge=0, le=3.2, description="rad, sd of a random turn")
     jump_mm: float = Field(0.0, ge=0, le=1000, description="mm, a jump any way before a random touch")
-    jump_rad: float = Field(
-        0.0, ge=0, le=3.2, description="rad, by which the jump turns the object either way"
-    )
-    drift_mm: float = Field(
-        0.0, ge=0, le=100, description="mm at each touch, in a random direction that stays"
-    )
+    jump_rad: float = Field(0.0, ge=0, le=3.2, description="rad, by which the jump turns it either way")
+    drift_mm: float = Field(0.0, ge=0, le=100, description="mm at each touch, in one random direction")
     drift_rad: float = Field(0.0, ge=0, le=3.2, description="rad at each touch, either way")
 
     @property
@@ -398,7 +394,7 @@ class RunConfig(ScanWords):
             for name in ("shapes", "test_poses", "world", "pad", "noise", "scan_set"):
                 if getattr(self, name) != RunConfig.model_fields[name].default:
                     raise ValueError(
-                        f"{name} says how letters are pressed, but the readings {whence}; leave it out"
+                        f"{name} says how letters are pressed; the readings {whence}: leave it out"
                     )
             if self.explore == "blind":
                 raise ValueError(

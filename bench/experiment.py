@@ -112,9 +112,7 @@ def _with_estimator(config: Config, estimator: Estimator) -> Config:
     kind = type(estimator)
     name = name_of(estimator)
     if not isinstance(getattr(estimator, "options", None), Options):
-        raise InputError(
-            f"the estimator {name} has no options; its __init__ must call super().__init__(options)"
-        )
+        raise InputError(f"estimator {name} has no options; its __init__ must call super().__init__(options)")
     if config.options:
         raise InputError(f"the estimator {name} was given with its options; leave out bins, particles, set")
     options = estimator.options.model_dump(mode="json", exclude_defaults=True)

@@ -303,7 +303,7 @@ class Plane(Kind):
             )
         if run.about["classifier_agreement"] is not None:
             lines.append(
-                f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of the decided taxels"
+                f"eq. 3 is right for {100 * run.about['classifier_agreement']:.1f} % of decided taxels"
             )
         propose = seconds.get("propose_per_reading", 0)
         stages = [one for one in ("scan", "fit", "trials", "total") if one in seconds]

@@ -272,9 +272,7 @@ def command_align(
         alike = f"which resemble their picture by {of['resemblance']:.2f}"
         lines.append(f"{label}: {counts} presses{several}, {alike}")
     if any(len(of["presses"]) > 1 for of in said.values()):
-        lines.append(
-            "an object of several views lies on one side or on another; two under one label look so, too"
-        )
+        lines.append("an object of several views lies on one side or another; two under one label do, too")
     lines.append(f"{len(made):,} readings, {made.readings.shape[1]} taxels, in {out}")
     plain_console().print("\n".join(lines), soft_wrap=True)
 

@@ -61,9 +61,7 @@ def command_emulate(
     scan_set: shared.ScanSet = None,
     drop: float = shared.number("Probability that a byte is lost.", default=0.0, least=0, most=1),
     flip: float = shared.number("Probability that a byte is changed.", default=0.0, least=0, most=1),
-    torn: float = shared.number(
-        "Probability that a frame breaks off in its middle.", default=0.0, least=0, most=1
-    ),
+    torn: float = shared.number("Probability that a frame breaks off.", default=0.0, least=0, most=1),
     garbage: float = shared.number(
         "Probability of a burst of random bytes before a frame.", default=0.0, least=0, most=1
     ),
@@ -97,7 +95,7 @@ def command_emulate(
         raise InputError("--shape is what --plan or the session of --follow names")
     if plan is not None and (letter is not None or follow is not None or out is None):
         raise InputError(
-            "--plan says what is pressed, and --out where it is recorded; --letter and --follow do not"
+            "--plan says what is pressed, --out where it is recorded; leave out --letter, --follow"
         )
     if letter is None:
         refuse_typed(context, ("pose",), "is where a letter is pressed; say which one with --letter")
@@ -150,7 +148,7 @@ def _record(
         check_new_file(marks, out, *read, option="--marks")
     if out.suffix != SUFFIX and not (out.suffix == ".csv" and isinstance(device.codec, CsvFormat)):
         raise InputError(
-            f"--out {out}: name it FILE{SUFFIX}, or FILE.csv for a device whose codec is 'pps-csv'"
+            f"--out {out}: name it FILE{SUFFIX}, or FILE.csv for a device with the codec 'pps-csv'"
         )
     presses = read_plan(plan)
     shapes = {shape.name: shape for shape in letters_of(options)} if options.shapes else {}

@@ -74,12 +74,8 @@ _WHAT = {
 
 def command_fit(
     scan: Path = typer.Argument(..., metavar="SCAN", help="The scan, .npz; its training readings count."),
-    estimator: str = typer.Option(
-        "stacked", help="The estimator whose options are chosen; a filter on maps."
-    ),
-    settings: list[str] | None = typer.Option(
-        None, "--set", help="An option that is not to be chosen, name=value."
-    ),
+    estimator: str = typer.Option("stacked", help="Whose options are chosen; a filter on maps."),
+    settings: list[str] | None = typer.Option(None, "--set", help="An option not to be chosen, name=value."),
     out: Path | None = typer.Option(
         None, help="A world file (.toml) with the pad and the response, for `bench scan --world`."
     ),
@@ -147,9 +143,7 @@ def command_fit(
         f"chosen, {before:.3f} with the scaled defaults; more is better"
     )
     if exponent == 1:
-        console.print(
-            f"response  readings are proportional to pressure: mosaics tell {straight:.3f} nats of them"
-        )
+        console.print(f"response  readings are in proportion to pressure: mosaics tell {straight:.3f} nats")
     else:
         console.print(
             f"response  reading^{exponent:g} is proportional to pressure: mosaics tell {bent:.3f} nats of left-out "

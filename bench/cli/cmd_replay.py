@@ -20,12 +20,8 @@ if TYPE_CHECKING:
 
 def command_replay(
     context: typer.Context,
-    recordings: list[Path] = typer.Argument(
-        ..., help="Recordings (.tactrec), or one as a table of text (.csv)."
-    ),
-    scan: Path | None = typer.Option(
-        None, help="Write their presses as one scan, .npz, for `bench run --scan`."
-    ),
+    recordings: list[Path] = typer.Argument(..., help="Recordings (.tactrec), or a table of text (.csv)."),
+    scan: Path | None = typer.Option(None, help="Write their presses as a scan, .npz, for `bench run`."),
     csv: Path | None = typer.Option(None, help="Write the readings of one recording as CSV, kPa."),
     marks: Path | None = typer.Option(
         None, help="For an unguided recording: a CSV of what was pressed, when and where."
@@ -43,9 +39,7 @@ def command_replay(
     at_load: str | None = typer.Option(
         None, help="Take the test presses at a share of their load, such as 75%, on the way there."
     ),
-    cut: str | None = typer.Option(
-        None, help="Cut the readings of a large array into small touches, like 5x5."
-    ),
+    cut: str | None = typer.Option(None, help="Cut readings of a large array into small touches, like 5x5."),
     stride: int = typer.Option(1, min=1, help="Taxels from one cut to the next."),
     rate: float | None = shared.number(
         "Readings a second of recordings that state no times.", default=None, metavar="HZ"

@@ -17,9 +17,7 @@ def command_sweep(
         ..., metavar="FILE.toml|SUITE", help="A sweep file, or a suite; `bench list suites` names them."
     ),
     jobs: int | None = typer.Option(None, min=1, help="Local processes. Default: one a core."),
-    dask: str | None = typer.Option(
-        None, metavar="tcp://HOST:PORT", help="Use the workers of this Dask cluster."
-    ),
+    dask: str | None = typer.Option(None, metavar="tcp://HOST:PORT", help="Use this Dask cluster's workers."),
     cache: shared.Cache = True,
     also: list[str] | None = typer.Option(
         None, metavar="ESTIMATOR", help="Ask the same of this one too, such as your own; repeat for several."
@@ -57,9 +55,7 @@ def command_report(
     each_seed: bool = typer.Option(
         False, "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
     ),
-    width: str = typer.Option(
-        "7.16in", help="Of the figures beside the page, whose type is 8 pt: 3.4in, 86mm."
-    ),
+    width: str = typer.Option("7.16in", help="Of the figures beside the page, of type 8 pt: 3.4in, 86mm."),
     panel: Literal["accuracy", "error"] | None = typer.Option(
         None, help="Only this panel of the curves over readings. Default: both."
     ),
@@ -143,9 +139,7 @@ def command_table(
 
 def command_compare(
     base: Path = typer.Argument(..., help="The folder of the run to compare with."),
-    new: list[Path] = typer.Argument(
-        ..., metavar="NEW...", help="The folder of the run to judge, or several."
-    ),
+    new: list[Path] = typer.Argument(..., metavar="NEW...", help="The folder of a run to judge, or more."),
 ) -> None:
     """Compare runs on the same trials with a first one; exit status 1 if any is worse beyond chance."""
     from tactsim.bench.compare import compare

@@ -123,9 +123,8 @@ Licence = Annotated[
 # Of objects in space, which `bench run` and `bench scan` have with --task solids.
 SOLIDS_PANEL = "Objects in space (--task solids)"
 
-OUTSIDE = (
-    "is for objects in space; add --task solids, or leave it out"  # of an option, where the task is another
-)
+# Of an option, where the task is another.
+OUTSIDE = "is for objects in space; add --task solids, or leave it out"
 
 Objects = Annotated[
     str | None,

@@ -50,9 +50,7 @@ class Format:
         return import_module(f"{__name__}.{self.module}")
 
 
-_PARQUET = Format(
-    "parquet", "a folder with a data card, as Hugging Face lays it out", "pyarrow", "parquet_folder"
-)
+_PARQUET = Format("parquet", "a folder with a card, as Hugging Face has it", "pyarrow", "parquet_folder")
 _HDF5 = Format("hdf5", "one file with every array and its unit", "h5py", "hdf5_file", (".h5", ".hdf5"))
 FORMATS = {one.name: one for one in (_PARQUET, _HDF5)}
 

@@ -85,9 +85,7 @@ def with_last_to_test(scan: Scan, share: float) -> Scan:
         numbers = np.unique(press)
         count = max(1, round(share * len(numbers)))
         if count >= len(numbers):
-            raise InputError(
-                f"{label!r} has too few presses, {len(numbers)}, to train on some and test with others"
-            )
+            raise InputError(f"{label!r} has too few presses, {len(numbers)}, to train on some and to test")
         split[own[np.isin(press, numbers[-count:])]] = "test"
     return replace(scan, split=split)
 

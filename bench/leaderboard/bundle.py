@@ -215,9 +215,7 @@ def read_bundle(path: str | Path) -> Bundle:
 def _members(content: bytes) -> dict[str, bytes]:
     """Unpack an archive in memory. Raises InputError for one that is damaged, too large or no bundle."""
     if content[:2] == b"PK":
-        raise InputError(
-            "it is of an earlier version, which this one does not read; `bench submit` makes another"
-        )
+        raise InputError("it is of an earlier version, which this one does not read; `bench submit` anew")
     members = dict[str, bytes]()
     try:
         unpacker = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=LARGEST)
@@ -320,7 +318,5 @@ def read_record(bundle: Path) -> Record | None:
     said = parse_json(read_text(path, "record of a check"), f"record {path}")
     record = checked(Record, said, f"record {path}")
     if record.bundle != bundle_hash(bundle):
-        raise InputError(
-            f"record {path} is of another file than {bundle}; `bench verify --record` makes a new one"
-        )
+        raise InputError(f"record {path} is of another file than {bundle}; do `bench verify --record` anew")
     return record

@@ -296,9 +296,7 @@ def _excuses(bundle: Bundle, method: Method, other_code: bool) -> list[str]:
         if here.get(name, version) != version:
             found.append(f"it was made with {name} {version}, and here is {here[name]}")
     if bundle.package != (package := package_of(method)):
-        found.append(
-            f"the estimator came in {bundle.package or 'tactsim'}, and here in {package or 'tactsim'}"
-        )
+        found.append(f"the estimator came in {bundle.package or 'tactsim'}, here in {package or 'tactsim'}")
     if other_code:
         at = f", which was made at commit {bundle.commit}" if bundle.commit else ""
         found.append(f"the code here is not that of the bundle{at}")

@@ -78,9 +78,7 @@ def make(kind: str, name: str, folder: Path | None = None) -> Path:
     Raises InputError for an unknown kind, a name that cannot be used or is taken, and a folder that holds something.
     """
     if kind == "task":
-        raise InputError(
-            "a task is one TOML file and needs no repository: docs/tasks.md shows one to start from"
-        )
+        raise InputError("a task is one TOML file and needs no repository: docs/tasks.md shows one")
     if kind not in KINDS:
         raise unknown("thing to make", kind, KINDS)
     name = checked_name(kind, name)

@@ -61,9 +61,7 @@ BEST = Printed(
 PRINTED = (
     BEST,
     Printed("histogram", "bins", 1_000, 1.0, 46, None, "1.00 after 46 readings: section V; about 50 in IV"),
-    Printed(
-        "particle", "particles", 10_000, 0.74, 10, None, "levels out at 0.74 after around 10: section IV"
-    ),
+    Printed("particle", "particles", 10_000, 0.74, 10, None, "levels out at 0.74 after some 10: section IV"),
 )
 
 

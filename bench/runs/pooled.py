@@ -357,9 +357,7 @@ def figure_of(one: Pooled, figure: str) -> Figure:
     metric = metric_of(name, one.run.kind.name)
     if metric.of_readings and not (at.isdigit() and 1 <= int(at) <= one.readings):
         last = one.readings
-        raise InputError(
-            f"the figure {short(figure)} asks for no reading from 1 to {last}; write {name}@{last}"
-        )
+        raise InputError(f"the figure {short(figure)} asks for none of {last} readings; write {name}@{last}")
     if at and not metric.of_readings:
         raise InputError(f"the figure {name} is of whole trials; leave away @{short(at)}")
     k = int(at) - 1 if at else 0

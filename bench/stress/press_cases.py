@@ -294,9 +294,7 @@ def force_control(worst: Worst) -> None:
     settings: list[dict[str, float]] = [
         {"moving_mass": mass, "stiffness": stiffness, "force": force} for mass, stiffness, force in grid
     ]
-    settings += [
-        {"moving_mass": m, "tilt_x": 0.004, "wrist_stiffness": 300.0} for m in (0.01, 0.1, 1.0, 10.0)
-    ]
+    settings += [{"moving_mass": m, "tilt_x": 0.004, "wrist_stiffness": 300.0} for m in (0.01, 0.1, 1, 10)]
     for setting in settings:
         traces = [follow(share, **setting).trace for share in (1.0, 0.5, 0.25)]
         worst.see([trace.overshoot for trace in traces], str(setting))
