@@ -219,9 +219,7 @@ def _compare_all(folders: list[Path]) -> None:
     _fail_if(worse)
 
 
-def command_runs(
-    folder: Path = typer.Argument(Path("results"), help="Where to look, at any depth."),
-) -> None:
+def command_runs(folder: Path = typer.Argument(Path("results"), help="Where to look, at any depth.")) -> None:
     """List all runs of a folder with their figures after the last reading, the newest last."""
     from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.report.write import check_folder

@@ -125,11 +125,7 @@ def _versions(entries: Sequence[Pooled]) -> str:
 
 
 def _protocol(
-    name: str,
-    groups: Sequence[Group],
-    plots: Mapping[int, str],
-    replayed: Sequence[Replayed],
-    arrays: Arrays,
+    name: str, groups: Sequence[Group], plots: Mapping[int, str], replayed: Sequence[Replayed], arrays: Arrays
 ) -> dict[str, Any]:
     methods = list(dict.fromkeys(method for group in groups for method in group.methods))
     mine = [one for one in replayed if any(one.entry in group.entries for group in groups)]

@@ -19,14 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from tactsim.bench.kinds import Sheet
-from tactsim.bench.report.curves import (
-    Point,
-    axis_of_errors,
-    below_bound,
-    machine_line,
-    points,
-    reliability,
-)
+from tactsim.bench.report.curves import Point, axis_of_errors, below_bound, machine_line, points, reliability
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.figures import (
     COLOURS,

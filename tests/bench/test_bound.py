@@ -127,10 +127,7 @@ def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_
 
 @pytest.mark.parametrize(
     ("changes", "said"),
-    [
-        ({"sensor": {"lag": 0.2}}, "lag"),
-        ({"sensor": {"noise": 0.0, "resolution": 0.0}}, "noise"),
-    ],
+    [({"sensor": {"lag": 0.2}}, "lag"), ({"sensor": {"noise": 0.0, "resolution": 0.0}}, "noise")],
 )
 def test_a_sensor_that_is_no_reading_plus_noise_has_no_bound(changes, said):
     with pytest.raises(InputError, match=said):

@@ -9,12 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from tactsim.bench.intervals import wilson
 from tactsim.bench.placement import Properties
-from tactsim.bench.score import (
-    Scored,
-    settled_at,
-    settled_by,
-    summarise,
-)
+from tactsim.bench.score import Scored, settled_at, settled_by, summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import compose, invert
 

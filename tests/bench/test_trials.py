@@ -80,11 +80,7 @@ class Witness(Estimator):
         index = int(reading[1])
         sensor_in_object = self.scan.where(label=label).poses[index]
         x, y, angle = sensor_in_robot
-        inverse = [
-            -np.cos(angle) * x - np.sin(angle) * y,
-            np.sin(angle) * x - np.cos(angle) * y,
-            -angle,
-        ]
+        inverse = [-np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x - np.cos(angle) * y, -angle]
         return Estimate(label, {label: 1.0}, compose(sensor_in_object, inverse))
 
     def propose(self, candidates):

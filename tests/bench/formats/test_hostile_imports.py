@@ -122,11 +122,7 @@ def huge(file):
 
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        (outside, "no dataset readings of its own"),
-        (virtual, "lies in another file"),
-        (huge, "claims"),
-    ],
+    [(outside, "no dataset readings of its own"), (virtual, "lies in another file"), (huge, "claims")],
 )
 def test_an_hdf5_file_that_points_elsewhere_or_claims_too_much_is_refused(change, says, written):
     path = hdf5(written, change)

@@ -107,10 +107,7 @@ def test_a_sweep_of_a_task_has_its_seeds_unless_it_names_some():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            {"letters": "AEIO"},
-            r"letters A,E,I,O: task slip-v1 says A,E,I,O,U; leave out letters",
-        ),
+        ({"letters": "AEIO"}, r"letters A,E,I,O: task slip-v1 says A,E,I,O,U; leave out letters"),
         ({"seed": 5}, "seed 5: task slip-v1 has the seeds 0, 1, 2, 3, 4"),
         ({"slip": {"jump_mm": 1}}, "slip .*jump_mm"),
         ({"scan": "mine.npz"}, "scan: task slip-v1 has readings of its own"),
