@@ -60,8 +60,7 @@ def exact_estimators() -> list[tuple[str, dict[str, object]]]:
     because="probabilities are made from differences of logs, which do not drift",
     quick=False,
 )
-def ten_thousand_readings(worst: Worst) -> None:
-    """Go on reading long after everything is known."""
+def _ten_thousand_readings(worst: Worst) -> None:
     scan = pressed("AEI")
     rng = np.random.default_rng(2)
     readings, poses, _ = hidden(scan, "E", 192)
@@ -85,8 +84,7 @@ def ten_thousand_readings(worst: Worst) -> None:
     because="n times a log-likelihood has its maximum where one has it",
     quick=False,
 )
-def one_reading_many_times(worst: Worst) -> None:
-    """Take in the same reading again and again."""
+def _one_reading_many_times(worst: Worst) -> None:
     scan = pressed("E")
     readings, poses, _ = hidden(scan, "E", 1, seed=3)
     for name, budget in every_estimator(budget=300):
@@ -113,8 +111,7 @@ def one_reading_many_times(worst: Worst) -> None:
     because="10,000 x 36 terms, each rounded by 2^-24 of at most 4 nats, all one way",
     quick=False,
 )
-def no_drift(worst: Worst) -> None:
-    """Balance two letters on a long sequence; a drift would tip it."""
+def _no_drift(worst: Worst) -> None:
     scan, _ = on_the_lattice()
     one = one_state(scan.of_letters("AE"), gamma=0.6)
     readings, poses = straight_readings(scan)
@@ -139,8 +136,7 @@ def no_drift(worst: Worst) -> None:
     limit=1e-4,
     because="the states are a tenth of the width apart and end five widths away; 1e6 nats cancel to 1e-9",
 )
-def readings_that_disagree(worst: Worst) -> None:
-    """Tabulate the belief of readings whose log p are parabolas, and ask how much they disagree about the place."""
+def _readings_that_disagree(worst: Worst) -> None:
     rng = np.random.default_rng(0)
     steps = np.linspace(-5, 5, 101)
     grid = np.stack([part.ravel() for part in np.meshgrid(steps, steps)])
@@ -167,8 +163,7 @@ def readings_that_disagree(worst: Worst) -> None:
     limit=1e-6,
     because="eq. 13 is a product; 8 sums of 36 float32 terms in another order round by 1e-6 nats",
 )
-def order_of_readings(worst: Worst) -> None:
-    """Present the same readings in another order."""
+def _order_of_readings(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     for name, options in exact_estimators():
         estimator = fitted(name, scan, **options)
@@ -189,8 +184,7 @@ def order_of_readings(worst: Worst) -> None:
     limit=1e-12,
     because="letters are only summed over, and five numbers are summed in another order",
 )
-def order_of_letters(worst: Worst) -> None:
-    """Fit to the same letters in another order: no letter may profit from its place."""
+def _order_of_letters(worst: Worst) -> None:
     scan = few(pressed("AEIO"), 5)
     readings, poses, _ = hidden(scan, "O", 3, seed=5)
     for name, options in exact_estimators():
@@ -208,8 +202,7 @@ def order_of_letters(worst: Worst) -> None:
     limit=1e-9,
     because="a belief over one state is certain, and over none is refused",
 )
-def budget_of_one(worst: Worst) -> None:
-    """Give every estimator the smallest budget."""
+def _budget_of_one(worst: Worst) -> None:
     several = few(pressed("AEI"), 5)
     for name, _ in every_estimator():
         for budget in (1, 2, 3):
@@ -231,8 +224,7 @@ def budget_of_one(worst: Worst) -> None:
     because="thirty-six beliefs are normalised together",
     quick=False,
 )
-def every_letter(worst: Worst) -> None:
-    """Tell every glyph of the catalogue from every other."""
+def _every_letter(worst: Worst) -> None:
     scan = pressed("".join(names()))
     for name, budget in every_estimator(budget=1000):
         estimator = fitted(name, scan, **budget)
@@ -251,8 +243,7 @@ def every_letter(worst: Worst) -> None:
     limit=1e-9,
     because="any finite reading has a finite likelihood",
 )
-def faulty_taxels(worst: Worst) -> None:
-    """Recognise with a pad that is broken in every way, and trained in good order."""
+def _faulty_taxels(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 4)
     faults = {
@@ -279,8 +270,7 @@ def faulty_taxels(worst: Worst) -> None:
     limit=1e-6,
     because="out there every letter's map says the prior, so nothing is learned about the letter",
 )
-def far_off_the_map(worst: Worst) -> None:
-    """Read where there is nothing to be felt, whatever the reading says."""
+def _far_off_the_map(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 6)
     for name, budget in every_estimator():
@@ -303,8 +293,7 @@ def far_off_the_map(worst: Worst) -> None:
     limit=2.0,
     because="the error is folded by the letter's symmetry; the free angle of O costs nothing",
 )
-def symmetric_letters(worst: Worst) -> None:
-    """Find letters that look the same when turned, and measure the error by how they look."""
+def _symmetric_letters(worst: Worst) -> None:
     scan = pressed("IO")
     objects = properties(scan)
     estimator = fitted("histogram", scan, split="20x20x24")
@@ -324,8 +313,7 @@ def symmetric_letters(worst: Worst) -> None:
     limit=1e-9,
     because="an Unknown taxel has the same likelihood everywhere",
 )
-def nothing_said(worst: Worst) -> None:
-    """Take in readings without information: every taxel lies between the two limits of eq. 3."""
+def _nothing_said(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 1)
     unknown = np.full(36, 1.5)  # below T = 2, above 0.3 of the largest
@@ -347,8 +335,7 @@ def nothing_said(worst: Worst) -> None:
     limit=0,
     because="a belief in logs loses no state for good",
 )
-def after_nonsense(worst: Worst) -> None:
-    """Mislead an estimator at the start; it must say the right letter once the readings make sense."""
+def _after_nonsense(worst: Worst) -> None:
     scan = pressed("AEI")
     rng = np.random.default_rng(9)
     for name, budget in every_estimator():
@@ -382,8 +369,7 @@ def drawing(budget: int) -> list[tuple[str, dict[str, Any]]]:
     limit=1e-9,
     because="weights are kept in logs, relative to the heaviest, so not all of them can be zero",
 )
-def all_weights_tiny(worst: Worst) -> None:
-    """Contradict every particle with every reading."""
+def _all_weights_tiny(worst: Worst) -> None:
     scan = pressed("AEI")
     rng = np.random.default_rng(0)
     for name, options in drawing(200):
@@ -401,8 +387,7 @@ def all_weights_tiny(worst: Worst) -> None:
     limit=1e-9,
     because="odds are kept in logs, and every variance has a floor",
 )
-def odd_readings(worst: Worst) -> None:
-    """Ask whether it is none of the letters, whatever is felt."""
+def _odd_readings(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 5)
     for unknown in (1e-12, 0.5, 1 - 1e-12):
@@ -422,8 +407,7 @@ def odd_readings(worst: Worst) -> None:
     limit=1e-9,
     because="a state and its placement are one pose and its inverse",
 )
-def frames(worst: Worst) -> None:
-    """Turn states into placements and back, and take a step of the object in the robot's frame."""
+def _frames(worst: Worst) -> None:
     rng = np.random.default_rng(0)
     motion = parse_motion("0.5,0.03")
     assert motion is not None

@@ -29,8 +29,7 @@ TURN = 2 * math.pi
     limit=1e-11,
     because="a turn of 1e4 rounds at 1e-11 rad; everything else at 1e-16",
 )
-def there_and_back(worst: Worst) -> None:
-    """Compose poses with their inverses, on both sides."""
+def _there_and_back(worst: Worst) -> None:
     rng = np.random.default_rng(0)
     for decade in range(-5, 6):
         pose = rng.uniform(-1, 1, (2000, 3)) * (10.0**decade, 10.0**decade, TURN * 1e4)
@@ -47,8 +46,7 @@ def there_and_back(worst: Worst) -> None:
     because="an angle rounds by 4e-16 rad a step, and the circle has a radius of 1,592 mm",
     quick=False,
 )
-def chain(worst: Worst) -> None:
-    """Walk a regular polygon of 10,000 sides, 1 mm each, and come back."""
+def _chain(worst: Worst) -> None:
     pose = np.zeros(3)
     for _ in range(10_000):
         pose = compose(pose, [1.0, 0.0, TURN / 10_000])
@@ -62,8 +60,7 @@ def chain(worst: Worst) -> None:
     limit=2e-10,
     because="1e6 pi in doubles is 2e-10 rad from the true one; the range itself is exact",
 )
-def wrap(worst: Worst) -> None:
-    """Fold angles that are hard to fold."""
+def _wrap(worst: Worst) -> None:
     whole = np.concatenate([np.arange(-50, 51), [10**6, -(10**6)]]) * math.pi
     beside = np.concatenate([whole, np.nextafter(whole, np.inf), np.nextafter(whole, -np.inf)])
     small = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-17, -1e-17])
@@ -82,8 +79,7 @@ def wrap(worst: Worst) -> None:
     limit=1e-9,
     because="the turns round at 1e-13 rad; an O turned by 2 rad is where it was",
 )
-def symmetric_objects(worst: Worst) -> None:
-    """Turn an object in its own frame by what its symmetry allows, also many turns: no error."""
+def _symmetric_objects(worst: Worst) -> None:
     rng = np.random.default_rng(1)
     for order in range(25):
         of = Properties(order, (0.0, 0.0), 80.0)
@@ -101,8 +97,7 @@ def symmetric_objects(worst: Worst) -> None:
     limit=1e-6,
     because="1e6 turns round at 1e-9 rad, which moves a taxel by 1e-8 mm",
 )
-def angles_many_turns_away(worst: Worst) -> None:
-    """Give the same poses with another number of whole turns."""
+def _angles_many_turns_away(worst: Worst) -> None:
     scan = few(pressed("AEI"), 5)
     readings, poses, _ = hidden(scan, "E", 8)
     for name, budget in every_estimator():

@@ -71,8 +71,7 @@ def deviation(scan: Scan, label: str, **options: float) -> FloatArray:
     because="a taxel is left out where it adds less than 1e-12, and a thousand of them may be",
     quick=False,
 )
-def point_spread_and_cell(worst: Worst) -> None:
-    """Learn maps of one letter with sensors from a pin to a palm."""
+def _point_spread_and_cell(worst: Worst) -> None:
     scan = few(pressed("E"), 64)
     for sigma in (0.1, 0.3, 1.0, 3.0, 10.0):
         for cell in (0.05, 0.2, 1.0, 5.0):
@@ -90,8 +89,7 @@ def point_spread_and_cell(worst: Worst) -> None:
     limit=1e-6,
     because="1 - G' loses nine digits; G' >= 1 is no probability and is refused",
 )
-def peak_near_one(worst: Worst) -> None:
-    """Learn maps with a sensor model that is nearly certain, or nearly without information."""
+def _peak_near_one(worst: Worst) -> None:
     scan = few(pressed("E"))
     for peak in (1e-9, 1e-3, 0.5, 0.999, 1 - 1e-6, 1 - 1e-9):
         worst.see(deviation(scan, "E", peak=peak), f"peak {peak!r}")
@@ -106,8 +104,7 @@ def peak_near_one(worst: Worst) -> None:
     limit=1e-6,
     because="a taxel is left out where it adds less than 1e-12, and a hundred of them may be",
 )
-def prior_near_zero_and_one(worst: Worst) -> None:
-    """Learn maps where nearly all, or nearly nothing, is taken to be occupied."""
+def _prior_near_zero_and_one(worst: Worst) -> None:
     scan = few(pressed("E"))
     for prior in (1e-6, 1e-3, 0.2, 0.5, 0.999, 1 - 1e-6):
         worst.see(deviation(scan, "E", prior=prior), f"prior {prior!r}")
@@ -123,8 +120,7 @@ def prior_near_zero_and_one(worst: Worst) -> None:
     because="10,000 roundings of 1e-16, relative; the log-odds themselves reach 10,000",
     quick=False,
 )
-def one_reading_many_times(worst: Worst) -> None:
-    """Learn from one reading again and again: evidence adds up and nothing overflows."""
+def _one_reading_many_times(worst: Worst) -> None:
     scan = few(pressed("E").where("train"), 24)
     start = math.log(0.2 / 0.8)
 
@@ -145,8 +141,7 @@ def one_reading_many_times(worst: Worst) -> None:
     limit=1e-9,
     because="a cell sums a few thousand terms below 3 in another order",
 )
-def order_of_readings(worst: Worst) -> None:
-    """Learn the same map from the same readings in another order."""
+def _order_of_readings(worst: Worst) -> None:
     scan = pressed("E").where("train")
     first = learn_maps(scan)["E"].log_odds
     for seed in range(5):
@@ -161,8 +156,7 @@ def order_of_readings(worst: Worst) -> None:
     limit=1e-6,
     because="the letters' maps are the same, so no reading may tell them apart",
 )
-def without_information(worst: Worst) -> None:
-    """Train where nothing can be learned, then recognise: every letter stays as probable as any other."""
+def _without_information(worst: Worst) -> None:
     scan = few(pressed("AEI"), 8)
     readings, poses, _ = hidden(pressed("AEI"), "E", 6)
     # 1.9 is Unknown: below T, above 0.3 of the largest.
@@ -184,8 +178,7 @@ def without_information(worst: Worst) -> None:
     limit=0,
     because="a map of a kilometre has 1e13 cells; it is refused before memory is asked for",
 )
-def far_apart(worst: Worst) -> None:
-    """Learn maps from poses that are far apart."""
+def _far_apart(worst: Worst) -> None:
     scan = few(pressed("I"))
     for decade in (3, 6, 9, 100, 300):
         poses = scan.poses.copy()
@@ -211,8 +204,7 @@ def exact_log_p(kind: int, log_odds: float, gamma: float, prior: float) -> float
     limit=1e-9,
     because="a sum of two positive terms loses nothing; gamma = 0 makes log(1 - p) of p = 1 infinite",
 )
-def gamma(worst: Worst) -> None:
-    """Evaluate eq. 7 where p rounds to 0 or 1: log-odds reach 128 in a scan, and 1000 here."""
+def _gamma(worst: Worst) -> None:
     odds = np.array([-1000, -745.2, -128, -37, -1, -1e-9, 0, 1e-9, 1, 37, 128, 745.2, 1000.0])
     for value in (1e-300, 1e-30, 1e-6, 0.1, 0.5, 1 - 1e-9, 1 - 1e-16):
         for prior in (1e-6, 0.2, 1 - 1e-6):
@@ -274,8 +266,7 @@ def exact_log_p_of_letters(one: HistogramFilter, reading: FloatArray, pose: Floa
     limit=1e-2,
     because="16 readings of 36 terms, rounded by up to 2^-13 nats: four standard deviations of two letters' difference",
 )
-def tables(worst: Worst) -> None:
-    """Compare a one-bin filter with exactly rounded sums, where nothing is interpolated."""
+def _tables(worst: Worst) -> None:
     scan, _ = on_the_lattice()
     one = one_state(scan, gamma=0.6)
     for label in scan.letters:
@@ -302,8 +293,7 @@ def tables(worst: Worst) -> None:
     limit=1e-3,
     because="36 terms rounded by up to 2^-12 nats, of which p sees a quarter: three standard deviations",
 )
-def one_reading_below_float32(worst: Worst) -> None:
-    """Take in readings that contradict every letter: the factors' product would be 0 in float64 too."""
+def _one_reading_below_float32(worst: Worst) -> None:
     scan, poses = on_the_lattice()
     rng = np.random.default_rng(6)
     for value in (1e-2, 1e-6, 1e-12, 1e-30):
@@ -326,8 +316,7 @@ def one_reading_below_float32(worst: Worst) -> None:
     because="logs have no such floor; argmax of a product says the first letter, without a word",
     quick=False,
 )
-def products_would_be_zero(worst: Worst) -> None:
-    """Recognise each letter with as many readings as drive the product of plain likelihoods to 0."""
+def _products_would_be_zero(worst: Worst) -> None:
     scan = pressed()
     estimator = fitted("histogram", scan, bins=1000)
     for label in scan.letters:

@@ -49,8 +49,7 @@ def ideal(name: str, poses: FloatArray, options: ScanOptions) -> FloatArray:
     limit=1e-5,
     because="a press ends within 1e-6 of the balance of forces; the pressure is in proportion to the force",
 )
-def force(worst: Worst) -> None:
-    """Press the same letter harder and harder."""
+def _force(worst: Worst) -> None:
     poses = grid_poses()[::12]
     unit = ideal("A", poses, exact_pad(force=1.0))
     for decade in range(-6, 5):
@@ -65,8 +64,7 @@ def force(worst: Worst) -> None:
     limit=0,
     because="no overlap is free fall, and F / 0 is no pressure",
 )
-def empty(worst: Worst) -> None:
-    """Press beside the letter."""
+def _empty(worst: Worst) -> None:
     options = exact_pad()
     left = models.letter("I").footprint.bounds()[0]
     edge = left - options.pad.load_bounds[1]
@@ -84,8 +82,7 @@ def empty(worst: Worst) -> None:
     limit=1e-12,
     because="a press is reset whole, the solver's warm start included; only BLAS sums in another order",
 )
-def order_of_presses(worst: Worst) -> None:
-    """Press in another order: what a solver remembers would show."""
+def _order_of_presses(worst: Worst) -> None:
     options = exact_pad()
     poses = np.concatenate([grid_poses()[::16], random_poses(np.random.default_rng(1), 12)])
     together = ideal("A", poses, options)
@@ -101,8 +98,7 @@ def order_of_presses(worst: Worst) -> None:
     limit=1e-6,
     because="taxels share the force with the gaps and the rim, so they carry at most all of it",
 )
-def pads(worst: Worst) -> None:
-    """Press pads from a pin's head to a table."""
+def _pads(worst: Worst) -> None:
     sizes = (
         (1, 1, 0.05), (1, 1, 100.0), (1, 2, 10.0), (2, 1, 1.9), (5, 5, 100.0), (20, 20, 0.05),
         (20, 20, 2.0),
@@ -142,8 +138,7 @@ def ends(option: FieldInfo) -> list[Any]:
     limit=0,
     because="what a sensor reports is a number it can report",
 )
-def sensor(worst: Worst) -> None:
-    """Read with sensors at the end of every scale."""
+def _sensor(worst: Worst) -> None:
     letter, pose = models.letter("E"), [1.0, 2.0, 0.3]
     settings: list[dict[str, Any]] = [
         {name: end} for name, field in SensorOptions.model_fields.items() for end in ends(field)
@@ -180,8 +175,7 @@ def sensor(worst: Worst) -> None:
     because="a press balances its force or is refused: a load outside the contact has no equilibrium",
     quick=False,
 )
-def tilt(worst: Worst) -> None:
-    """Tilt the letter until it stands on a corner, and let it give way."""
+def _tilt(worst: Worst) -> None:
     wide = Pad(
         rows=20, columns=20, unread_rows=0, unread_columns=0, seam=None, taxel_width=1.9, taxel_height=1.9
     )
@@ -214,8 +208,7 @@ def pressed_by(engine: str, touches: Touches, **press: Any) -> tuple[Pressed, Fl
     limit=1e-6,
     because="a press balances its force within 1e-6, whatever its stiffness, or is a blank",
 )
-def points_balance(worst: Worst) -> None:
-    """Press one letter with all that the options allow."""
+def _points_balance(worst: Worst) -> None:
     letter, poses = models.letter("E"), np.array([[1.0, 2.0, 0.3]])
     ranges = [{"force": 10.0**decade} for decade in range(-6, 5)]
     ranges += [{"stiffness": 10.0**decade} for decade in range(7)]
@@ -249,8 +242,7 @@ def follow(step_share: float, **press: Any) -> History:
     limit=1e-5,
     because="springs taken at the end of a step are stable at any step, and rest does not depend on mass",
 )
-def mass_stiffness_step(worst: Worst) -> None:
-    """Step the scene itself: a default MuJoCo contact would let a light letter fall through."""
+def _mass_stiffness_step(worst: Worst) -> None:
     pose = np.array([[1.0, 2.0, 0.3]])
     letter, press = models.letter("E"), PressOptions()
     bed = lay_bed(levels(letter, press), pose, *Pad().grid_lines(2))
@@ -288,8 +280,7 @@ def mass_stiffness_step(worst: Worst) -> None:
     because="overshoot of 10 % is what force control may have; peaks that hang on the step hide an impact",
     quick=False,
 )
-def force_control(worst: Worst) -> None:
-    """Press with a light and a heavy hand, on foam and on stone."""
+def _force_control(worst: Worst) -> None:
     grid = itertools.product((0.01, 0.1, 1.0, 10.0), (10.0, 1e3, 1e5), (0.05, 2.0, 100.0))
     settings: list[dict[str, float]] = [
         {"moving_mass": mass, "stiffness": stiffness, "force": force} for mass, stiffness, force in grid
@@ -311,8 +302,7 @@ def force_control(worst: Worst) -> None:
     because="0.5 % is what full dynamics may be off; what does not settle is refused",
     quick=False,
 )
-def through_time(worst: Worst) -> None:
-    """Step presses through time, from a fly's to a hammer's."""
+def _through_time(worst: Worst) -> None:
     pose = np.array([1.0, 2.0, 0.3])
     rest = ideal("E", pose, exact_pad(force=1.0))[0]
     settings: list[dict[str, float]] = [{"moving_mass": mass} for mass in (1e-3, 0.01, 1.0, 10.0, 100.0)]
