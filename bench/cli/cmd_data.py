@@ -10,6 +10,8 @@ import typer
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import is_typed, refuse_typed
 from tactsim.bench.config import whole_number
+from tactsim.bench.console import kept_clear, plain_console
+from tactsim.bench.places import check_new_file, check_new_folder
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,9 +30,7 @@ def command_data(
     """List public recordings of real pads, or `get` one: download, check and import it as a scan."""
     import json
 
-    from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.formats import public_recordings as public
-    from tactsim.bench.places import check_new_file
 
     if action is None:
         if source is not None or out is not None:
@@ -80,9 +80,7 @@ def command_export(
 ) -> None:
     """Write a scan, or the trials of a run, in a format of others: Parquet, HDF5 or CSV."""
     from tactsim.bench import formats
-    from tactsim.bench.console import plain_console
     from tactsim.bench.formats.csv_file import write_press_table
-    from tactsim.bench.places import check_new_file, check_new_folder
     from tactsim.bench.results import Run
     from tactsim.core import Scan
     from tactsim.core.files import replacing
@@ -150,12 +148,10 @@ def command_import(
 ) -> None:
     """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat, .h5) or of presses in a CSV."""
     from tactsim.bench import formats
-    from tactsim.bench.console import plain_console
     from tactsim.bench.formats.arrays_file import SUFFIXES, read_arrays
     from tactsim.bench.formats.csv_file import TABLES, columns_of, read_press_table
     from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
     from tactsim.bench.pad import with_shapes
-    from tactsim.bench.places import check_new_file
     from tactsim.core import Scan
     from tactsim.core.idle import settled
     from tactsim.hardware.device import load_device
@@ -243,9 +239,7 @@ def command_align(
     import json
     from functools import partial
 
-    from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.pad.alignment import align
-    from tactsim.bench.places import check_new_file
     from tactsim.bench.terminal import progress_bars
     from tactsim.core import Scan
     from tactsim.hardware.cutting import cut as cut_scan

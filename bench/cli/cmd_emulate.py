@@ -10,7 +10,8 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
-from tactsim.bench.config import whole_number
+from tactsim.bench.config import key_values, scan_options, slip_of_world, whole_number
+from tactsim.bench.console import plain_console
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,8 +78,6 @@ def command_emulate(
     """Present a simulated pad as a device that speaks its codec's bytes, or record one with --plan."""
     import numpy as np
 
-    from tactsim.bench.config import key_values, scan_options, slip_of_world
-    from tactsim.bench.console import plain_console
     from tactsim.hardware.device import load_device
     from tactsim.hardware.emulator import Faults, emulate
     from tactsim.hardware.emulator.hand import Timing
@@ -132,7 +131,6 @@ def _record(
     """Record what a robot presses by its plan."""
     import numpy as np
 
-    from tactsim.bench.console import plain_console
     from tactsim.bench.places import check_new_file
     from tactsim.core.files import replacing
     from tactsim.hardware.codecs.pps_csv import CsvFormat

@@ -11,6 +11,8 @@ import typer
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import Words, key_values, with_options_of
 from tactsim.bench.config import ScanWords, run_config
+from tactsim.bench.console import plain_console, plain_table
+from tactsim.bench.places import check_new_file, saved
 
 if TYPE_CHECKING:
     from tactsim.bench.stress import Outcome
@@ -37,7 +39,6 @@ def command_bound(
     from functools import partial
 
     from tactsim.bench.exact_bayes import find_bound
-    from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_bound, progress_bars
     from tactsim.core.files import write_bytes
@@ -87,8 +88,6 @@ def command_fit(
     import numpy as np
     import tomli_w
 
-    from tactsim.bench.console import plain_console
-    from tactsim.bench.places import check_new_file
     from tactsim.bench.results import to_json
     from tactsim.core import InputError, Scan
     from tactsim.core.files import replacing
@@ -190,7 +189,6 @@ def command_stress(
 
 def _print(outcomes: Sequence[Outcome]) -> None:
     """Print the table, then for every failed case where it failed and why its limit is what it is."""
-    from tactsim.bench.console import plain_console, plain_table
     from tactsim.core.errors import counted
 
     console = plain_console()

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from tactsim.bench.cli.shared_options import dotted
+from tactsim.bench.config import SLIPS, Slip
+from tactsim.bench.console import plain_console, plain_grid
 from tactsim.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
@@ -38,8 +40,6 @@ def command_list(
     ),
 ) -> None:
     """List estimators, likelihoods, letters, solids, worlds, metrics, suites, formats, or options of one or a scan."""
-    from tactsim.bench.console import plain_console, plain_grid
-
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
         "likelihoods": _likelihoods,
@@ -130,7 +130,6 @@ def _solids() -> list[Row]:
 
 
 def _worlds() -> list[Row]:
-    from tactsim.bench.config import SLIPS
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
@@ -150,7 +149,6 @@ def _solid_options() -> list[Row]:
 
 
 def _slip() -> list[Row]:
-    from tactsim.bench.config import Slip
 
     return [("--slip NAME=VALUE", "default", ""), *_fields(Slip)]
 
@@ -203,7 +201,6 @@ def command_new(
     out: Path | None = typer.Option(None, help="A new folder. Default: one called as the repository."),
 ) -> None:
     """Make a repository of your own for an estimator, a measurement model or a source, with tests and a workflow."""
-    from tactsim.bench.console import plain_console
     from tactsim.bench.new import make
 
     folder = make(kind, name, out)

@@ -10,6 +10,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.console import plain_console
 
 if TYPE_CHECKING:
     from tactsim.bench.trials import Progress
@@ -60,7 +61,6 @@ def command_live(
     import numpy as np
 
     from tactsim.bench.config import key_values
-    from tactsim.bench.console import plain_console
     from tactsim.bench.pad.simulated_hand import SimulatedHand, open_pressed
     from tactsim.bench.terminal import progress_bars
     from tactsim.bench.watching import PadReader
@@ -143,7 +143,6 @@ def command_watch(
     """Watch a pad: pressures, force, rate and what goes wrong; f freezes the picture, t takes a tare."""
     from contextlib import nullcontext
 
-    from tactsim.bench.console import plain_console
     from tactsim.bench.watching import PadReader
     from tactsim.bench.watching.watch_screen import watch
     from tactsim.bench.watching.web import WebPage

@@ -9,6 +9,8 @@ from typing import Literal
 import typer
 
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.console import plain_console, plain_table
+from tactsim.bench.places import RESULTS, SWEEPS, check_folder, check_new_file, check_page
 from tactsim.core.errors import InputError, printable
 
 
@@ -28,9 +30,7 @@ def command_sweep(
 ) -> None:
     """Do many runs; a sweep that was stopped goes on with those that are missing when it is started again."""
     from tactsim.bench import sweep
-    from tactsim.bench.console import plain_console
     from tactsim.bench.machine import cores
-    from tactsim.bench.places import SWEEPS, check_folder
     from tactsim.bench.terminal import print_sweep, progress_bars
 
     name, configs = sweep.read(source, also or ())
@@ -63,7 +63,6 @@ def command_report(
 ) -> None:
     """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
     from tactsim.bench.kinds import Sheet
-    from tactsim.bench.places import RESULTS, check_new_file, check_page
     from tactsim.bench.report.write import check_folder, write_report
     from tactsim.bench.terminal import progress_bars
 
@@ -143,7 +142,6 @@ def command_compare(
 ) -> None:
     """Compare runs on the same trials with a first one; exit status 1 if any is worse beyond chance."""
     from tactsim.bench.compare import compare
-    from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.results import load
 
     if len(new) > 1:
@@ -168,7 +166,6 @@ def _fail_if(worse: list[str]) -> None:
 def _compare_all(folders: list[Path]) -> None:
     """Compare each of several runs with the first, their p corrected for all pairs as a leaderboard's are."""
     from tactsim.bench.compare import check_same_trials
-    from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.leaderboard.ranking import LEVEL, ranked
     from tactsim.bench.results import load
     from tactsim.bench.runs.pooled import cell, pool
@@ -221,7 +218,6 @@ def _compare_all(folders: list[Path]) -> None:
 
 def command_runs(folder: Path = typer.Argument(Path("results"), help="Where to look, at any depth.")) -> None:
     """List all runs of a folder with their figures after the last reading, the newest last."""
-    from tactsim.bench.console import plain_console, plain_table
     from tactsim.bench.report.write import check_folder
     from tactsim.bench.results import load
     from tactsim.bench.runs.pooled import cell, metric_of, pool

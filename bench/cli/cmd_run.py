@@ -12,7 +12,17 @@ from tactsim.bench import kinds
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import Words, dotted, is_typed, refuse_typed, with_options_of
-from tactsim.bench.config import RunConfig, ScanWords, any_config, run_config
+from tactsim.bench.config import (
+    RunConfig,
+    ScanWords,
+    any_config,
+    chosen_letters,
+    run_config,
+    scan_options,
+    slip_of_world,
+)
+from tactsim.bench.console import kept_clear, plain_console
+from tactsim.bench.places import check_new_file, results_folder, save_beside, saved
 from tactsim.core.errors import InputError, counted, unknown
 
 if TYPE_CHECKING:
@@ -56,9 +66,7 @@ def command_run(
     seen: pads.Seen = "behind",
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
-    from tactsim.bench.console import kept_clear, plain_console
     from tactsim.bench.experiment import perform
-    from tactsim.bench.places import results_folder, save_beside, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.terminal import print_places, print_run, progress_bars
 
@@ -130,7 +138,6 @@ def _print_shapes(config: RunConfig, console: Console) -> None:
 
 def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
     """Measure what is missing; tells whether all is there now, and if not, how to go on."""
-    from tactsim.bench.config import chosen_letters
     from tactsim.bench.pad.guided import Wanted, check_pads, count_measured, measure
     from tactsim.bench.plane import train_scan
     from tactsim.bench.trials import fit
@@ -181,9 +188,6 @@ def command_scan(
     objects: shared.Objects = None,
 ) -> None:
     """Press the letters at 192 poses, twice (training and test), and write the readings."""
-    from tactsim.bench.config import scan_options, slip_of_world
-    from tactsim.bench.console import plain_console
-    from tactsim.bench.places import check_new_file
     from tactsim.bench.terminal import progress_bars, work_line
     from tactsim.press import scan_letters
 

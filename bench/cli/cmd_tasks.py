@@ -9,7 +9,9 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import dotted
-from tactsim.core.errors import InputError, counted
+from tactsim.bench.console import plain_console, plain_grid
+from tactsim.bench.places import check_new_file, saved
+from tactsim.core.errors import InputError, counted, printable
 
 if TYPE_CHECKING:
     from tactsim.bench.leaderboard import Best
@@ -66,7 +68,6 @@ def _content(one: Task, best: Best | None) -> dict[str, Any]:
 
 
 def _print_list(found: list[Task], best: dict[str, Best]) -> None:
-    from tactsim.bench.console import plain_console, plain_grid
 
     rows = [
         row
@@ -90,7 +91,6 @@ def _best(best: Best | None) -> str:
 
 
 def _print_whole(one: Task, best: Best | None) -> None:
-    from tactsim.bench.console import plain_console, plain_grid
 
     held_out = one.held_out
     rows = [
@@ -110,8 +110,6 @@ def _print_whole(one: Task, best: Best | None) -> None:
 
 def _print_hashes(one: Task, hashes: list[str]) -> None:
     """Print the hashes as a task's file has them; those that are not as it states are marked."""
-    from tactsim.bench.console import plain_console
-
     console = plain_console()
     console.print("hashes = [", markup=False)
     differ = 0
@@ -144,10 +142,8 @@ def command_submit(
 ) -> None:
     """Do all runs of a task with a method, and write one file that others can check; exit status 1 without a score."""
     from tactsim.bench.config import key_values
-    from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, figures_of, write_bundle
     from tactsim.bench.leaderboard.submit import Method, submit
-    from tactsim.bench.places import check_new_file, saved
     from tactsim.bench.results import to_json
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
@@ -208,12 +204,9 @@ def command_verify(
 
     import numpy as np
 
-    from tactsim.bench.console import plain_console
     from tactsim.bench.leaderboard.bundle import Record, bundle_hash, read_bundle, write_record
     from tactsim.bench.leaderboard.verify import verify
-    from tactsim.bench.places import saved
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import printable
     from tactsim.core.source_digest import git_commit
 
     read = read_bundle(bundle)
@@ -267,7 +260,6 @@ def command_leaderboard(
     from tactsim.bench.leaderboard.site import check_out, write_site
     from tactsim.bench.leaderboard.standings import read_folder
     from tactsim.bench.terminal import progress_bars
-    from tactsim.core.errors import printable
 
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder; name one of bundles")
