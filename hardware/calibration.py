@@ -183,9 +183,8 @@ def find_stuck(values: FloatArray) -> NDArray[np.int64]:
     A taxel's noise can be smaller than its steps, so a constant one is stuck only if the typical
     taxel changes by half a step or more, which makes 40 equal values next to impossible.
     """
-    spread = values.std(axis=0)
-    restless = float(np.median(spread)) >= _smallest_step(values) / 2 > 0
-    return np.flatnonzero(spread == 0) if restless else np.zeros(0, dtype=np.int64)
+    restless = float(np.median(values.std(axis=0))) >= _smallest_step(values) / 2 > 0
+    return np.flatnonzero(np.ptp(values, axis=0) == 0) if restless else np.zeros(0, dtype=np.int64)
 
 
 def _most_beside(taxel_xy: FloatArray, chosen: NDArray[np.intp]) -> int:

@@ -1,4 +1,4 @@
-"""A guided recording of one letter, press by press: a state machine without a terminal or a port.
+"""A guided recording of one object, press by press: a state machine without a terminal or a port.
 
 The recording is the session's journal. Each press that was taken or skipped is a mark in it, and the
 mark names the press's readings by their numbers. So a stopped session can go on where it ended, and its
@@ -64,7 +64,7 @@ class Plan(BaseModel):
     @classmethod
     def _can_be_a_label(cls, label: str) -> str:
         if not is_label(label):
-            raise ValueError("a letter's name has 1 to 100 printable characters")
+            raise ValueError("a label has 1 to 100 printable characters")
         return label
 
     @model_validator(mode="after")
@@ -106,8 +106,8 @@ class Tare(BaseModel):
 class Phase(Enum):
     """What a session waits for."""
 
-    LIFT = "lift the letter off the pad"
-    TOUCH = "press the letter on the pad"
+    LIFT = "lift it off the pad"
+    TOUCH = "press it on the pad"
     STEADY = "hold it still"
     TAKING = "hold it: reading"
     DONE = "all presses are recorded"
@@ -195,7 +195,7 @@ class Session:
             self.message, self._since = "", None
 
     def take_anyway(self) -> None:
-        """Take the press from now on, touched or not: a hole of the letter may lie over the pad."""
+        """Take the press from now on, touched or not: a hole of the object may lie over the pad."""
         if self.phase is not Phase.DONE:
             self._begin(Phase.TAKING)
             self.message = ""

@@ -113,6 +113,8 @@ def tactile_image(
     if pressures is None and not numbered:
         return Text("?\n", "dim")
     known = np.full(len(taxel_xy), np.nan) if pressures is None else pressures
+    if room is None and not np.isnan(known).all():
+        wide = max(wide, 1 + max(len(f"{value:.0f}") for value in (np.nanmin(known), np.nanmax(known))))
     values = np.where(taxels < 0, np.nan, known[taxels])
     shares = values / max(float(np.nanmax(known, initial=0.0)) if scale is None else scale, 1e-9)
     if room is not None and not numbered:

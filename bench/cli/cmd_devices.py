@@ -77,6 +77,7 @@ def _ports() -> list[dict[str, Any]]:
 
 
 _KEPT, _SHOWN = 1 << 18, 256  # bytes; some lines have 2,048 numbers and more
+_FAR = 9.0  # times the typical distance of a taxel's zero from the middle of all: six standard deviations
 
 
 def command_probe(
@@ -103,7 +104,7 @@ def command_probe(
     from tactsim.hardware.terminal_pictures import SEEN, tactile_image
 
     described, correction = pads.load(device, calibration)
-    heard, named = _Heard(), is_typed(context, "device")
+    heard, named = _Heard(as_json), is_typed(context, "device")
     try:
         opened = open_source(port, described, correction, log=heard)
     except SourceError:
@@ -161,8 +162,8 @@ def command_probe(
 class _Heard:
     """A log that keeps the first bytes, to show them if they make no reading."""
 
-    def __init__(self) -> None:
-        self._first = b""
+    def __init__(self, as_json: bool) -> None:
+        self._first, self._as_json = b"", as_json
 
     def received(self, link: int, data: bytes, time: float) -> None:
         """Keep the first bytes."""
@@ -189,7 +190,8 @@ class _Heard:
     def show(self, as_bytes: bool = True) -> bool | None:
         """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read.
 
-        Returns whether a device file was printed; None if nothing is known of the bytes.
+        The device file goes to standard output, unless that is for JSON. Returns whether one was printed; None if
+        nothing is known of the bytes.
         """
         from tactsim.hardware.codecs.fields import packing_of
         from tactsim.hardware.codecs.lines import guess_lines, is_text
@@ -201,7 +203,7 @@ class _Heard:
         guess, packing = guess_lines(self._first) if is_text(self._first) else None, packing_of(self._first)
         if guess is not None and guess.read:
             typer.echo(f"\nThe device prints {guess.describe()}. A device file that reads them:\n", err=True)
-            typer.echo(f"{guess.device_file()}\n", err=True)
+            typer.echo(f"{guess.device_file()}\n", err=self._as_json)
         elif guess is not None:
             typer.echo(f"\n{guess.refusal()}\n", err=True)
         elif is_text(self._first):
@@ -238,6 +240,8 @@ def command_tare(
     ] = False,
 ) -> None:
     """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
+    import numpy as np
+
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad.simulated_hand import touch_above
     from tactsim.bench.places import check_new_file
@@ -245,15 +249,19 @@ def command_tare(
     from tactsim.hardware.calibration import take_tare, with_gain
     from tactsim.hardware.sources import open_source
 
-    if not (force and out.is_file()):
+    if out.is_file() and not force:
+        raise InputError(f"--out {out} exists; name another file, or replace it by --force")
+    if not out.is_file():
         check_new_file(out)
     if (load is None) != (calibration is None):
         raise InputError("gains need both --load and --calibration, the tare that they are added to")
     pressure = None if load in (None, "even") else _pressure(str(load))
     described, tare = pads.load(device, calibration)
     with open_source(port, described) as source:
-        readings = [source.read() for _ in range(frames)]
-        counters = source.counters.as_dict()
+        readings = [source.read()]
+        before = source.counters.as_dict()  # what came ahead of the first frame is no fault
+        readings += [source.read() for _ in range(frames - 1)]
+        counters = {name: count - before[name] for name, count in source.counters.as_dict().items()}
     result = (
         take_tare(readings, described, " ".join(port))
         if tare is None
@@ -279,6 +287,15 @@ def command_tare(
             f"{described.called(taxel)}, {result.tare[taxel]:.1f} kPa" for taxel in result.loaded
         )
         console.print(f"always loaded, though nothing touches the pad, and left out: taxels {said}")
+    kept = np.flatnonzero(result.kept)
+    level = np.array(result.tare)[kept]
+    above = level - np.median(level)
+    far = kept[above > max(described.touch_kpa, _FAR * float(np.median(np.abs(above))))]
+    if tare is None and len(far):
+        console.print(
+            f"far above the others: {described.called(*far)}; if something lies there, take it off and tare again",
+            soft_wrap=True,
+        )
     if wrong := counters_shown(counters):
         console.print(f"on the line: {wrong}")
     console.print(f"written to {out}; the other verbs take it by --calibration {out}", soft_wrap=True)

@@ -189,22 +189,22 @@ def _check_name(out: Path, suffix: str) -> None:
         return
     if suffix == ".npz":
         raise InputError(
-            f"--out {out}: with --letter it names the scan, FILE.npz; its recording lies beside it"
+            f"--out {out}: with --letter or --shape it names the scan, FILE.npz; its recording lies beside it"
         )
     also = "; `bench replay FILE.tactrec --csv` makes a table of it" if out.suffix.lower() == ".csv" else ""
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
-def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, touching: bool) -> list[tuple[float, ...]]:
+def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, own: bool) -> list[tuple[float, ...]]:
     import numpy as np
 
-    from tactsim.bench.pad import on_object
+    from tactsim.bench.pad import on_object, touching
     from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
     stage = stage_for(pad, pressed)
     poses = grid_poses(stage)
-    if touching and pressed is not None:
+    if own and pressed is not None:
         poses = poses[on_object(poses, pad, pressed)]
     kind, _, number = text.partition(":")
     count = whole_number(number)
@@ -212,10 +212,9 @@ def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, touching: boo
         poses = np.random.default_rng(seed).permutation(poses)
         poses = poses[spread_out(poses, count)]
     elif kind == "random" and count is not None and 1 <= count <= 100_000:
-        more = 1 if not touching else -(-4 * stage.poses // len(poses))  # since some touch nothing
-        poses = random_poses(np.random.default_rng(seed), more * count, stage.reach)
-        if touching and pressed is not None:
-            poses = poses[on_object(poses, pad, pressed)][:count]
+        rng = np.random.default_rng(seed)
+        drawn = own and pressed is not None
+        poses = touching(rng, count, pad, pressed) if drawn else random_poses(rng, count, stage.reach)
     elif text != "grid":
         raise InputError(
             f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"
@@ -225,15 +224,16 @@ def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, touching: boo
 
 def command_template(
     out: Annotated[Path, typer.Option(help="The file to write, .pdf.")],
-    letters: Annotated[str, typer.Option(help="Which letters: AEIOU, A-Z0-9, A,E,I.")] = "AEIOU",
-    shape: Annotated[
-        list[Path] | None, typer.Option(help="A shape of your own beside the letters; repeat for several.")
+    letters: Annotated[
+        str | None,
+        typer.Option(help="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or none beside shapes."),
     ] = None,
+    shape: Annotated[list[Path] | None, typer.Option(help="A shape of your own; repeat for several.")] = None,
     device: pads.DeviceName = "emulated",
     seen: pads.Seen = "behind",
     paper: Annotated[str, typer.Option(help="The paper: a4 or letter.")] = "a4",
 ) -> None:
-    """Print the pad's sheet and one for each letter, 1:1, with the positions and angles of the scan."""
+    """Print the pad's sheet and one for each letter or shape, 1:1, with the positions and angles of the scan."""
     from tactsim.bench.config import scan_options
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
@@ -247,6 +247,7 @@ def command_template(
         raise InputError(f"--paper {paper!r}: say {' or '.join(PAPERS)}")
     check_new_file(out, picture=".pdf")
     sheets = Sheets(paper, load_device(device).pad, seen == "behind")
+    letters = letters or ("none" if shape else "AEIOU")
     pressed = letters_of(scan_options(letters=letters, shapes=shape or ()))
     write_bytes(out, as_pdf(draw_sheets(pressed, sheets)))
     plain_console().print(

@@ -142,6 +142,7 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     from tactsim.bench.plane import train_scan
     from tactsim.bench.trials import fit
     from tactsim.estimators import create
+    from tactsim.models import shape
     from tactsim.press import forward_model
 
     # What would refuse the presses is reported before anybody makes them.
@@ -156,7 +157,10 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
     fit(estimator, train.of_letters(tuple(learned)), forward_model)
     assert config.presses is not None  # `command` has seen to it
     assert config.trials != "all"  # which is of a scan
-    wanted = Wanted(letters, config.trials, config.readings, config.seed)
+    own = {drawn.name: drawn for drawn in map(shape, config.shapes)}
+    for name in own.keys() - set(letters):
+        raise unknown("letter of --train-scan", name, letters)
+    wanted = Wanted(letters, config.trials, config.readings, config.seed, own)
     if measure(station, wanted, config.presses, settings):
         return True
     count = len(wanted.letters) * wanted.trials * wanted.readings

@@ -81,6 +81,7 @@ def command_validate(
 
 _TRAINED = {"simulated": "simulated", "fitted": "as fitted", "recorded": "recorded"}
 _ALL = float("inf")
+_MOVED = 5.0  # times what a press's frames leave: so far are untouched taxels off where the zero moves
 _NOISE_ALONE = 1.2  # times the noise: more is left of a fit than noise, which intervals take it for
 
 
@@ -125,11 +126,15 @@ def verdict(result: Validation) -> list[str]:
     fit = result.fit
     ratio = fit.misfit / fit.noise if fit.noise else _ALL
     noise = f"what no fit explains is {ratio:.1f} times the noise" if ratio < _ALL else "there is no noise"
-    doubt = (
-        f"{noise}: the intervals below, above all of curve, gain and load, are too narrow"
-        if ratio > _NOISE_ALONE
-        else f"{noise}, so the intervals below hold"
-    )
+    narrow = "the intervals below, above all of curve, gain and load, are too narrow"
+    doubt = f"{noise}, so the intervals below hold"
+    if ratio > _NOISE_ALONE:
+        doubt = f"{noise}: {narrow}"
+    elif result.steady is not None and fit.noise > _MOVED * result.steady:
+        doubt = (
+            f"untouched taxels are off by {fit.noise:.2g} {result.unit}, a press's frames by {result.steady:.2g}: the "
+            f"zero moved, and {narrow}; take a tare more often"
+        )
     return [
         f"near    presses that were held out are off by {100 * after.relative:.0f} % of the contact as fitted, by "
         f"{100 * before.relative:.0f} % as simulated",

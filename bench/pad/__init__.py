@@ -22,7 +22,7 @@ from tactsim.hardware.recording import SUFFIX
 from tactsim.hardware.scans import scan_of_sessions
 from tactsim.models import Letter, letter, names, shape
 from tactsim.press.clip import covers
-from tactsim.press.scan_poses import random_poses, stage_for
+from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 from tactsim.press.scanning import object_facts
 
 _STEP_MM, _STEP_DEGREES = 1.0, 5.0  # the marks of the sheets of `bench template`
@@ -34,14 +34,17 @@ def recording_of(folder: Path, letter: str, trial: int) -> Path:
     return folder / f"{quote(letter, safe='')}-{trial + 1}{SUFFIX}"
 
 
-def poses_to_press(letter: str, trial: int, readings: int, seed: int, pad: Pad) -> FloatArray:
+def poses_to_press(
+    label: str, trial: int, readings: int, seed: int, pad: Pad, own: Letter | None = None
+) -> FloatArray:
     """Draw the poses (n, 3) sensor_in_object of a trial, off the grid; more than `readings`, for some are skipped.
 
     They reach as far as those of a scan with this pad, and lie on whole mm and every 5 degrees, where the sheets of
-    `bench template` have marks.
+    `bench template` have marks. own: the user's object that is called so, which all of them touch.
     """
-    reach = stage_for(pad, known_letter(letter)).reach
-    poses = random_poses(stream(seed, letter, "measured", f"trial {trial}"), _SPARE * readings, reach)
+    rng, wanted = stream(seed, label, "measured", f"trial {trial}"), _SPARE * readings
+    stage = stage_for(pad, own or known_letter(label))
+    poses = random_poses(rng, wanted, stage.reach) if own is None else touching(rng, wanted, pad, own)
     steps = (_STEP_MM, _STEP_MM, np.deg2rad(_STEP_DEGREES))
     poses = np.round(poses / steps) * steps
     poses[:, 2] %= 2 * np.pi  # rounding may have made a whole turn
@@ -78,6 +81,14 @@ def on_object(poses: FloatArray, pad: Pad, pressed: Letter) -> NDArray[np.bool_]
     corners = half * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
     points = (pad.taxel_xy[:, None] + corners).reshape(-1, 2)
     return np.array([covers(pressed.contours, transform(pose, points)).any() for pose in poses])
+
+
+def touching(rng: np.random.Generator, count: int, pad: Pad, pressed: Letter) -> FloatArray:
+    """Draw poses (count, 3) sensor_in_object within the reach of a scan at which a taxel lies on the object."""
+    stage = stage_for(pad, pressed)
+    share = max(float(on_object(grid_poses(stage), pad, pressed).mean()), 1 / stage.poses)
+    poses = random_poses(rng, int(np.ceil(4 * count / share)), stage.reach)  # since some touch nothing
+    return poses[on_object(poses, pad, pressed)][:count]
 
 
 def known_letter(label: str) -> Letter | None:

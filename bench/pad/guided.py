@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -184,12 +184,16 @@ def _retried(recorder: Recorder, new: bool) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The trials to be measured: of each letter `trials`, each of `readings` presses. seed: of their poses."""
+    """The trials to be measured: of each letter `trials`, each of `readings` presses. seed: of their poses.
+
+    own: the user's objects among the letters, by name.
+    """
 
     letters: Sequence[str]
     trials: int
     readings: int
     seed: int
+    own: Mapping[str, Letter] = field(default_factory=dict)
 
 
 def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[str, Any]) -> bool:
@@ -209,7 +213,9 @@ def measure(station: Station, wanted: Wanted, folder: Path, settings: Mapping[st
         if begun and _taken(path, plan) >= wanted.readings:
             continue
         title = f"trial {number} of {len(trials)}: "
-        sitting = record(station, plan, path, resume=begun, title=title, notice=notice)
+        sitting = record(
+            station, plan, path, resume=begun, title=title, notice=notice, pressed=wanted.own.get(label)
+        )
         notice = ""
         if not sitting.done:
             return False
@@ -236,7 +242,7 @@ def check_pads(train: Scan, station: Station) -> None:
 
 
 def _plan(label: str, trial: int, wanted: Wanted, settings: Mapping[str, Any], pad: Pad) -> Plan:
-    poses = poses_to_press(label, trial, wanted.readings, wanted.seed, pad)
+    poses = poses_to_press(label, trial, wanted.readings, wanted.seed, pad, wanted.own.get(label))
     content = {
         "label": label, "split": "test", "poses": [tuple(pose) for pose in poses.tolist()],
         "enough": wanted.readings,

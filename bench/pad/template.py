@@ -31,9 +31,10 @@ _INCH, _POINT = 25.4, 25.4 / 72  # mm
 _HALF = 50.0  # mm from its middle to the edge of the sheet that lies on top
 _MARGIN = 14.0  # mm of the paper's width beside the sheet that lies below
 _MARKS = 8.0  # mm: how long the marks of whole mm are on the sheet on top
+_ROOM = _HALF - _MARKS  # mm from its middle that a pad or a letter may reach
 _FINE, _MEDIUM, _BOLD = 0.1, 0.2, 0.35  # mm, widths of lines
 _INK, _FAINT = "black", "#888888"
-_INNER = 0.35  # of the way out: where the lines of the pad's sheet begin
+_INNER = 0.35  # of the way out: where the lines of the pad's sheet begin, unless the pad reaches as far
 _REACH = 15  # mm to each side that whole mm are marked
 
 
@@ -74,17 +75,15 @@ def draw_sheets(letters: Sequence[Letter], sheets: Sheets) -> list[Figure]:
     """
     x_low, x_high, y_low, y_high = sheets.pad.load_bounds
     corner = float(np.hypot(max(-x_low, x_high), max(-y_low, y_high)))
-    room = _INNER * (sheets.reach if sheets.from_behind else _HALF)
-    if corner > room:
+    if corner > _ROOM:
         raise InputError(
-            f"the pad reaches {corner:.0f} mm from its middle; its sheet has room for {room:.0f} mm"
+            f"the pad reaches {corner:.0f} mm from its middle; its sheet has room for {_ROOM:.0f} mm"
         )
     for letter in letters:
         largest = max(float(np.abs(contour).max()) for contour in letter.contours)
-        if largest > _HALF - _MARKS:
+        if largest > _ROOM:
             raise InputError(
-                f"{letter.name!r} reaches {largest:.0f} mm from its middle; its sheet has room for "
-                f"{_HALF - _MARKS:.0f} mm"
+                f"{letter.name!r} reaches {largest:.0f} mm from its middle; its sheet has room for {_ROOM:.0f} mm"
             )
     return [_pad_sheet(sheets), *(_letter_sheet(letter, sheets) for letter in letters)]
 
@@ -103,12 +102,15 @@ def _pad_sheet(sheets: Sheets) -> Figure:
     on_top = not sheets.from_behind
     axes = _page(sheets, f"The pad: {sheets.pad.rows} x {sheets.pad.columns} taxels", _pad_words(sheets))
     outer = _HALF if on_top else sheets.reach
+    x_low, x_high, y_low, y_high = sheets.pad.load_bounds
+    corners = np.array([[x_low, y_low], [x_high, y_low], [x_high, y_high], [x_low, y_high], [x_low, y_low]])
+    beyond = float(np.hypot(*corners.T).max()) + 1  # mm: no line crosses the pad
     for degrees in range(0, 360, 5):
         bold = degrees % (360 // ANGLES) == 0
         # Where the line called `degrees` is on paper: as the arrow turns, or, on a sheet that turns itself, against it.
         at = np.deg2rad(90 - degrees if on_top else 90 + degrees)
         along = np.array([np.cos(at), np.sin(at)])
-        start = (_INNER if bold else 0.6) * outer
+        start = max((_INNER if bold else 0.6) * outer, beyond)
         _line(axes, sheets.middle + start * along, sheets.middle + outer * along, _BOLD if bold else _FINE)
         if bold:
             # On the sheet that is cut the names stand inside the cut.
@@ -119,8 +121,6 @@ def _pad_sheet(sheets: Sheets) -> Figure:
                 8,
                 box=on_top,
             )
-    x_low, x_high, y_low, y_high = sheets.pad.load_bounds
-    corners = np.array([[x_low, y_low], [x_high, y_low], [x_high, y_high], [x_low, y_high], [x_low, y_low]])
     _polygon(axes, _on_paper(sheets, corners), _BOLD, _INK)
     for x in sheets.pad.column_edges:
         for y in sheets.pad.row_edges:
@@ -136,7 +136,7 @@ def _pad_sheet(sheets: Sheets) -> Figure:
 
 def _letter_sheet(letter: Letter, sheets: Sheets) -> Figure:
     on_top = sheets.from_behind
-    axes = _page(sheets, f"Letter {letter.name}", _letter_words(letter, sheets))
+    axes = _page(sheets, letter.name, _letter_words(letter, sheets))
     outer = _HALF if on_top else sheets.reach
     inner = outer - _MARKS if on_top else 0.4 * outer
     along_x, along_y = np.array([sheets.side, 0.0]), np.array([0.0, 1.0])
@@ -171,10 +171,10 @@ def _pad_words(sheets: Sheets) -> str:
     if sheets.from_behind:
         return (
             "Fix this sheet to the table. Cut the pad's outline out and set the pad in, face up, taxel 0 as marked. "
-            "The letter's sheet comes on top."
+            "The object's sheet comes on top."
         )
     return (
-        "Cut along the corners. Fix the pad under this sheet, face down, its middle under the cross. The letter's "
+        "Cut along the corners. Fix the pad under this sheet, face down, its middle under the cross. The object's "
         "sheet lies below."
     )
 
@@ -187,12 +187,12 @@ def _letter_words(letter: Letter, sheets: Sheets) -> str:
     )
     if sheets.from_behind:
         return (
-            "Cut along the corners, and the letter's outline out: set the letter in from below, face down, and tape "
+            "Cut along the corners, and the outline out: set the object in from below, face down, and tape "
             "its back to the sheet. Where the lines of x and y cross comes over the pad's middle; the arrow points to "
             "the angle. " + scan
         )
     return (
-        "Fix this sheet to the table and the letter on its outline, face up. The middle of the pad's sheet comes over "
+        "Fix this sheet to the table and the object on its outline, face up. The middle of the pad's sheet comes over "
         "the place where the lines of x and y cross; its line of the angle points along the arrow. " + scan
     )
 

@@ -25,6 +25,7 @@ from tactsim.estimators import create
 from tactsim.hardware.cutting import taxel_grid
 from tactsim.hardware.sensor_fit import SensorFit, fit_sensor, noise_of
 from tactsim.hardware.taxel_fit import TaxelError, best_gain, taxel_error
+from tactsim.hardware.terminal_pictures import SEEN
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import scan_letters
 
@@ -49,14 +50,16 @@ _RIGHT = 0.95
 class Validation:
     """The result of comparing a simulated and a recorded scan.
 
-    readings: of the recording. used: those that the fit used, and whether they are all training readings; apart: how
-    many are left of them when near copies are averaged. unit: of the recording. errors: by the names of ROWS.
-    presses: those that were fitted. outlined: letters whose outlines were fitted, in the order of `fit.grown`.
-    recognition: by estimator and what it was trained on, see `recognised`. parameters: a world file. clipped: what was
+    readings: of the recording. steady: sd of a press by its frames alone, where the recording says it. used: those that
+    the fit used, and whether they are all training readings; apart: how many are left of them when near copies are
+    averaged. unit: of the recording. errors: by the names of ROWS. presses: those that were fitted. outlined: letters
+    whose outlines were fitted, in the order of `fit.grown`. recognition: by estimator and what it was trained on, see
+    `recognised`. parameters: a world file. clipped: what was
     found beyond its bounds.
     """
 
     readings: int
+    steady: float | None
     used: int
     apart: int
     trained_apart: bool
@@ -138,6 +141,7 @@ def validate(
     }  # fmt: skip
     return Validation(
         readings=len(recorded),
+        steady=steadiness(single),
         used=int(used.sum()),
         apart=len(few),
         trained_apart=apart,
@@ -152,6 +156,12 @@ def validate(
         parameters=world,
         clipped=clipped(presses.options, fit),
     )
+
+
+def steadiness(recorded: Scan) -> float | None:
+    """Give the sd of a guided session's presses by the noise of their frames alone, kPa; None of other recordings."""
+    noise, sessions = recorded.meta.get("frame_noise_kpa"), recorded.meta.get("recordings")
+    return float(noise / np.sqrt(sessions[0]["frames_a_press"])) if noise and sessions else None
 
 
 def recognised(
@@ -316,6 +326,7 @@ def presses_figure(result: Validation) -> Picture:
     of_taxel = np.sqrt(np.nanmean((scan.readings - fitted) ** 2, axis=0))
     image = where.imshow(_on_pad(scan.taxel_xy, of_taxel), "viridis", origin="lower", vmin=0)
     where.set(xticks=[], yticks=[])
+    where.set_xlabel(SEEN[False], fontsize=8)
     figure.colorbar(image, ax=where).set_label(f"rms of a taxel, {result.unit}", fontsize=8)
     return figure
 

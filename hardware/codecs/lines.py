@@ -253,6 +253,7 @@ _BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
 _FRAMES = re.compile(rb"[,;\t ](frame|sample|scan|step)\W*\d+", re.IGNORECASE)  # names of columns
+_NEAR = 10.0  # counts: a pad whose values are as near to 0 as this needs neither a zero nor a larger offset
 _ALIKE = 0.1  # of how far columns are apart: lines no further apart than this say the same of the same taxels
 
 
@@ -266,7 +267,8 @@ class GuessedLines:
     the decimal point. odd: a field that is no number where others are, such as "ovf"; "" if there is none. named: the
     names of lines that are parts of a frame, with nothing between two frames, or of columns that are frames. checksum:
     the kind behind a "*"; "" if there is none. read: whether most of these lines are read by the device file. base: 16
-    if the numbers are hexadecimal.
+    if the numbers are hexadecimal. zero: the typical value. apart: twice as far as nine in ten taxels are from it,
+    which is beyond those that are not broken.
     """
 
     columns: int
@@ -279,6 +281,8 @@ class GuessedLines:
     checksum: str = ""
     read: bool = False
     base: int = 10
+    zero: float = 0.0
+    apart: float = 0.0
 
     def describe(self) -> str:
         """Say what the lines are."""
@@ -312,11 +316,19 @@ class GuessedLines:
         return f"{what} Let it print decimal numbers, for a dead taxel 0."
 
     def device_file(self) -> str:
-        """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say."""
+        """Write the device file (TOML) that reads them; what a count and a taxel measure, its owner has to say.
+
+        Where values are far from 0, their typical one is its zero: they are taken for those of a pad that is free.
+        """
         taxels = self.columns - len(self.before)
         side = math.isqrt(taxels)
         rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
-        lines = ['name = "mine"', "[codec]", 'kind = "csv"', f"taxels = {taxels}"]
+        lines = ['name = "mine"']
+        if self.apart > _NEAR:
+            lines.append(
+                f"largest_offset_kpa = {self.apart:.0f}  # so far apart are taxels that nothing presses"
+            )
+        lines += ["[codec]", 'kind = "csv"', f"taxels = {taxels}"]
         if self.before:
             lines.append(f"before = {list(self.before)}".replace("'", '"'))
         if "clock" in self.before:
@@ -327,14 +339,27 @@ class GuessedLines:
             lines.append(f"base = {self.base}")
         if self.checksum:
             lines.append(f'checksum = "{self.checksum}"')
-        lines += ["kpa_per_count = 1.0  # measure, this and what follows", "[pad]", f"rows = {rows}"]
-        lines += [f"columns = {taxels // rows}", "no_seam = true", "unread_columns = 0"]
+        if abs(self.zero) > _NEAR:
+            lines.append(f"zero = {self.zero:.0f}  # what it sends while nothing presses")
+        lines += ["kpa_per_count = 1.0  # measure; below 0 where values fall under load", "[pad]"]
+        lines += [f"rows = {rows}", f"columns = {taxels // rows}", "no_seam = true", "unread_columns = 0"]
+        lines += [
+            "pitch_x = 1.9  # mm from one column to the next: measure, this and what follows",
+            "pitch_y = 1.9",
+        ]
+        lines += ["taxel_width = 1.8  # mm of a taxel itself", "taxel_height = 1.8", "[[part]]"]
+        lines += ['first_row = "bottom"  # or "top"', 'first_column = "right"  # or "left", seen from above']
         return "\n".join(lines)
 
-    def frames(self, data: bytes) -> int:
-        """Count the frames that the device file reads of these bytes."""
+    def tried(self, data: bytes, whole: float) -> GuessedLines:
+        """Read these bytes by the device file, of which `whole` frames are in them: adds read, zero and apart."""
         codec = LinesFormat.model_validate(tomllib.loads(self.device_file())["codec"]).build()
-        return len(Framer(codec, Counters()).feed(b"\n\n" + data, 0.0))
+        frames = [arrived.packet.values for arrived in Framer(codec, Counters()).feed(b"\n\n" + data, 0.0)]
+        if 2 * len(frames) <= whole:
+            return self
+        level = np.median(frames, axis=0)
+        zero = float(np.median(level))
+        return replace(self, read=True, zero=zero, apart=2 * float(np.quantile(np.abs(level - zero), 0.9)))
 
 
 def is_text(data: bytes) -> bool:
@@ -377,7 +402,7 @@ def guess_lines(data: bytes) -> GuessedLines | None:
             elif numbered or (guess.rows == 1 and parts):
                 guesses.append(replace(guess, named=turns if numbered else parts))
             else:
-                guesses.append(replace(guess, read=2 * guess.frames(data) > whole))
+                guesses.append(guess.tried(data, whole))
     # A comma between two numbers is no decimal one if both make sense.
     return max(guesses, key=lambda guess: (guess.read, guess.columns), default=None)
 

@@ -1,6 +1,7 @@
 """The verbs of the real pad as a user calls them, on an emulated pad behind a real pty or TCP port."""
 
 import json
+import re
 import signal
 import time
 from dataclasses import replace
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 from command_line import emulated, refused, wait_until
 
+from tactsim.bench.results import load
 from tactsim.core import Scan
+from tactsim.hardware.scans import scan_of_sessions
 
 
 def right(result):
@@ -113,6 +116,26 @@ def test_an_object_of_ones_own_is_drawn_and_pressed_where_it_is(here, tmp_path):
     refused(here(*words, "--shape", "bar.svg", "--letter", "A", "--out", "A.npz"), "leave --letter out")
     right(here("replay", "bar.tactrec", "--scan", "again.npz", "--shape", "bar.svg"))
     assert Scan.load(tmp_path / "again.npz").digest == scan.digest
+    right(here("record", *words[1:], "--letter", "I", "--out", "I.npz"))
+    right(here("replay", "bar.tactrec", "I.tactrec", "--scan", "both.npz", "--shape", "bar.svg"))
+    measure = [
+        "run",
+        "--port",
+        "simulated:hand",
+        "--train-scan",
+        "both.npz",
+        "--trials",
+        "1",
+        "--readings",
+        "3",
+    ]
+    measure += ["--frames", "5", "--estimator", "histogram", "--bins", "200"]
+    right(here(*measure, "--shape", "bar.svg", "--out", "own"))
+    run = load(tmp_path / "own")
+    assert set(run.trials.truth) == {"bar", "I"}
+    assert scan_of_sessions([tmp_path / "own.presses" / "bar-1.tactrec"]).readings.max(axis=1).min() > 5
+    (tmp_path / "mug.svg").write_text((tmp_path / "bar.svg").read_text())
+    refused(here(*measure, "--shape", "mug.svg", "--out", "no"), "mug", "bar")
 
 
 @pytest.mark.long
@@ -259,13 +282,16 @@ def test_a_simulation_is_validated_and_brought_nearer(here, tmp_path, monkeypatc
     ).save(tmp_path / "recorded.npz")  # fmt: skip
     words = ["validate", "--recorded", "recorded.npz", "--trials", "1", "--set", "bins=1000"]
     words += ["--estimator", "histogram"]
-    right(here(*words, "--simulated", "simulated.npz", "--out", "result"))
+    said = right(here(*words, "--simulated", "simulated.npz", "--out", "result")).splitlines()
+    assert [line.split()[0] for line in said[:3]] == ["near", "worth", "doubt"]
     before = json.loads((tmp_path / "result" / "validation.json").read_text())
     assert before["fit"]["psf_sigma"] == pytest.approx(1.4, abs=0.03 * np.sqrt(6))
     assert before["fit"]["noise"] == pytest.approx(3.0, abs=0.3)
     assert before["parameters"]["press"]["force"] == pytest.approx(2.5, rel=0.02)
     assert before["fit"]["placement_mm"] == pytest.approx(0.5, rel=0.15)
     assert before["errors"]["fitted"]["rms"] < before["errors"]["as_it_is"]["rms"]
+    near = [100 * before["errors"][name]["relative"] for name in ("held_out_placed", "as_it_is")]
+    assert [float(word) for word in re.findall(r"(\d+) %", said[0])] == [round(value) for value in near]
     right(here("scan", "--letters", "E", "--world", "result/world.toml", "--out", "nearer.npz"))
     after = json.loads(right(here(*words, "--simulated", "nearer.npz", "--json")))
     assert after["errors"]["as_it_is"]["rms"] < before["errors"]["as_it_is"]["rms"]
@@ -462,7 +488,7 @@ def test_long_lines_are_probed_and_the_pad_that_they_are_of_is_asked_for(here, t
     (tmp_path / "k.txt").write_text("\n".join("\t".join(["1000"] * 2048) for _ in range(20)))
     done = here("probe", "--port", "recording:k.txt")
     refused(done, "no device file says of which pad it is", "--device FILE.toml")
-    assert "taxels = 2048" in done.stderr
+    assert "taxels = 2048" in done.stdout
 
 
 def test_a_text_that_no_device_file_reads_is_refused_for_that_and_no_other_pad_is_named(here, tmp_path):
@@ -471,3 +497,33 @@ def test_a_text_that_no_device_file_reads_is_refused_for_that_and_no_other_pad_i
     refused(done, "recording:k.txt", "no device file reads what came as it is")
     assert "'ovf' is no number" in done.stderr
     assert "emulated" not in done.stderr
+
+
+def test_what_probe_prints_is_the_device_file_that_reads_the_port(bench, here, tmp_path):
+    """Standard output is the file; the error names what to do with it, and not the command that was typed."""
+    (tmp_path / "sketch.toml").write_text(
+        'name = "sketch"\n[codec]\nkind = "csv"\ntaxels = 36\nzero = 820\nkpa_per_count = -0.1\n'
+    )
+    with emulated(bench, "--port", "pty:pad", "--device", "sketch.toml") as name:
+        asked = here("probe", "--port", name)
+        refused(asked, "--device FILE.toml", "keep the one above")
+        assert "bench probe" not in asked.stderr
+        (tmp_path / "mine.toml").write_text(asked.stdout)
+        found = json.loads(right(here("probe", "--port", name, "--device", "mine.toml", "--json")))
+        assert found["taxels"] == 36
+        assert abs(np.array(found["mean_kpa"])).max() < 15  # its zero is what the pad sends
+        right(here("tare", "--port", name, "--device", "mine.toml", "--out", "tare.toml"))
+        refused(here("tare", "--port", name, "--device", "mine.toml", "--out", "tare.toml"), "--force")
+
+
+def test_a_tare_names_taxels_under_a_load_that_the_device_file_allows(bench, here, tmp_path):
+    (tmp_path / "loose.toml").write_text(
+        'name = "loose"\nlargest_offset_kpa = 500\n[codec]\nkind = "csv"\ntaxels = 36\nkpa_per_count = 0.1\n'
+    )
+    loaded = ("--letter", "I", "--pose", "6,8,0", "--hold", "1000", "--lift", "0.1")  # its edge, on a column
+    for more, named in ((loaded, True), ((), False)):
+        with emulated(bench, "--port", "pty:pad", "--device", "loose.toml", *more) as name:
+            right(here("probe", "--port", name, "--device", "loose.toml"))  # until it lies at rest
+            said = right(here("tare", "--port", name, "--device", "loose.toml", "--out", f"{named}.toml"))
+        assert ("far above the others" in said) == named
+        assert "on the line" not in said  # the first line after opening may be torn, and is no fault

@@ -125,6 +125,9 @@ def test_a_stuck_taxel_is_one_that_never_changes_while_others_do(rng):
     values[:, 4] = 3.0
     assert find_stuck(values).tolist() == [4]
     assert take_tare(readings(values), small_device(), "").stuck == (4,)
+    values = 0.1 * np.round(noisy(rng))  # the mean of 100 times -20.3 is rounded
+    values[:, 4] = -20.3
+    assert find_stuck(values).tolist() == [4]
     quiet = np.round(noisy(rng, sd=0.05))  # less noise than a step: all are constant
     quiet[3, 1] = 1.0
     assert find_stuck(quiet).tolist() == []

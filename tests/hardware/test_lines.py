@@ -114,6 +114,21 @@ def test_a_probe_names_the_device_file_that_reads_them(name):
     assert all(values in VALUES for values in seen)
 
 
+def test_values_far_from_0_have_their_middle_as_zero_and_broken_ones_apart():
+    """Counts of a resistive sheet rest at 820 and fall; a taxel that is stuck at 1023 says nothing of the others."""
+    rng = np.random.default_rng(0)
+    rest = rng.normal(820, 25, 100).round()
+    rest[7] = 1023
+    lines = [",".join(f"{value:.0f}" for value in rest + rng.integers(-1, 2, 100) * (rest < 1000))] * 9
+    device = Device.model_validate(tomllib.loads(guess_lines("\n".join(lines).encode()).device_file()))
+    assert abs(device.codec.zero - 820) < 8
+    off = abs(device.build_codec().to_kpa(rest))
+    assert (np.sort(off)[:-1] <= device.largest_offset_kpa).all()
+    assert off[7] > device.largest_offset_kpa
+    near = [",".join("0123")] * 9
+    assert "zero" not in guess_lines("\n".join(near).encode()).device_file()
+
+
 @pytest.mark.parametrize(("word", "count"), [("nan", 24), ("ovf", 24), ("", 24)])
 def test_a_line_without_a_number_is_left_out_and_the_probe_says_why(word, count):
     lines = [",".join([word if k % 5 == 0 else "9", "1", "2", "3"]) for k in range(30)]

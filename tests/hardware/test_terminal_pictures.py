@@ -46,6 +46,13 @@ def test_half_blocks_show_two_rows_a_line(behind, column):
     assert bright == [(1, column)]  # row 2 from below is the second from above
 
 
+@pytest.mark.parametrize(("least", "most"), [(0, 9), (790, 1023), (-1023, 12)])
+def test_numbers_of_any_length_stand_apart(least, most):
+    values = np.linspace(least, most, PAD.taxels).round()
+    rows = [list(map(int, line.split())) for line in tactile_image(values, PAD.taxel_xy).plain.splitlines()]
+    assert np.array_equal(rows[::-1], values.reshape(4, 6))
+
+
 def test_the_largest_of_neighbours_stands_for_them():
     drawn = colours(tactile_image(pressed(3, 5), PAD.taxel_xy, room=(3, 1)))
     assert drawn == [[(DARK, DARK), (DARK, DARK), (BRIGHT, DARK)]]

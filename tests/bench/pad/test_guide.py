@@ -80,7 +80,7 @@ def test_a_zero_that_falls_is_said_and_a_key_takes_a_tare(bench, here, on_termin
 def test_the_guide_ends_when_its_terminal_is_closed(bench, on_terminal, tmp_path):
     with emulated(bench, "--port", "pty:pad"):
         terminal = on_terminal("record", "--port", "pad", "--letter", "A", "--out", "A.npz")
-        terminal.until(lambda screen: "lift the letter" in screen.text)
+        terminal.until(lambda screen: "lift it off" in screen.text)
         terminal.close()
         terminal.process.wait(20)
     assert list(RecordReader(tmp_path / "A.tactrec"))

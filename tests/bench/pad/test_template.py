@@ -12,7 +12,7 @@ from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
 from tactsim.core.pad import Pad
 from tactsim.core.poses import invert, transform
 from tactsim.models import letter
-from tactsim.press.scan_poses import grid_poses
+from tactsim.press.scan_poses import grid_poses, stage_for
 
 POINT = 25.4 / 72  # mm
 BOLD = 0.35  # mm
@@ -78,8 +78,7 @@ def sizes_of(pdf):
     return [tuple(float(word) * POINT for word in box.split()[2:]) for box in boxes]
 
 
-def drawn(paper="a4", behind=True, name="R"):
-    return pages_of(draw_sheets([letter(name)], Sheets(paper, Pad(), behind)))
+LARGE = Pad(rows=10, columns=10, pitch_x=5, pitch_y=5, taxel_width=4.6, taxel_height=4.6)
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -101,19 +100,20 @@ def middle_of_rays(page):
     return np.mean([page.line_called(f"{angle}").mean(axis=0) for angle in range(0, 360, 30)], axis=0)
 
 
+@pytest.mark.parametrize("pad", [Pad(), LARGE])
 @pytest.mark.parametrize("behind", [True, False])
-def test_the_sheets_put_the_letter_where_every_pose_of_the_scan_says(behind):
+def test_the_sheets_put_the_letter_where_every_pose_of_the_scan_says(behind, pad):
     """A person lays the sheets so that the lines of x and y cross over the pad's middle, and the arrow at the angle."""
-    pad_page, letter_page = drawn("a4", behind)
+    pad_page, letter_page = pages_of(draw_sheets([letter("R")], Sheets("a4", pad, behind)))
     _, points = max(letter_page.paths, key=lambda path: len(path[1]))  # the letter's outline
     pad_middle = middle_of_rays(pad_page)
     contour = max(letter("R").contours, key=len)
     contour = np.vstack([contour, contour[:1]])
     mirror = np.array([-1.0, 1.0]) if behind else np.array([1.0, 1.0])
-    for pose in grid_poses():
+    for pose in grid_poses(stage_for(pad, letter("R"))):
         x, y, theta = pose
         cross = np.array(
-            [letter_page.line_called(f"x {x:g}")[0, 0], letter_page.line_called(f"y {y:g}")[0, 1]]
+            [letter_page.line_called(f"x {x:.4g}")[0, 0], letter_page.line_called(f"y {y:.4g}")[0, 1]]
         )
         ray = pad_page.line_called(f"{round(np.rad2deg(theta))}").mean(axis=0) - pad_middle
         ray /= np.linalg.norm(ray)
@@ -131,6 +131,18 @@ def test_what_does_not_fit_on_a_sheet_is_refused(here, tmp_path):
     )
     refused(here("template", "--device", "big.toml", "--out", "t.pdf"), "the pad reaches", "has room for")
     refused(here("template", "--out", "t.png"), "FILE.pdf")
+    table = (
+        (tmp_path / "big.toml").read_text().replace("256", "100").replace("16", "10").replace("6\n", "5\n")
+    )
+    (tmp_path / "array.toml").write_text(table)
+    (tmp_path / "bar.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="6mm" viewBox="0 0 30 6">'
+        '<rect width="30" height="6"/></svg>'
+    )
+    said = here(
+        "template", "--device", "array.toml", "--shape", "bar.svg", "--seen", "front", "--out", "bar.pdf"
+    )
+    assert "2 pages in bar.pdf: the pad's sheet, then bar" in said.stdout.replace("\n", " ")
     assert not (tmp_path / "t.pdf").exists()
 
 

@@ -1,12 +1,14 @@
 """Recordings made in worlds whose tilt, layer and wrist are known, and what `bench validate` finds in them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import tomli_w
 
 from tactsim import models
+from tactsim.bench.cli.cmd_validate import verdict
 from tactsim.bench.config import scan_options
 from tactsim.bench.pad.fitted_world import clipped, fitted_world, stated_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
@@ -131,6 +133,34 @@ def test_a_world_is_read_as_it_was_simulated(tmp_path, pad, press, unit):
     (tmp_path / "world.toml").write_bytes(tomli_w.dumps(stated_world(options, unit)).encode())
     again = scan_options(world=str(tmp_path / "world.toml"))
     assert again == options.model_copy(update={"unit": unit})
+
+
+@pytest.mark.parametrize(
+    ("misfit", "noise", "steady", "said"),
+    [
+        (1.1, 1.0, 0.5, "1.1 times the noise, so the intervals below hold"),
+        (1.1, 1.0, None, "so the intervals below hold"),
+        (1.3, 1.0, 0.5, "1.3 times the noise: the intervals below"),
+        (0.75, 0.7, 0.03, "the zero moved, and the intervals below"),
+        (0.2, 0.0, None, "there is no noise: the intervals below"),
+    ],
+)
+def test_the_verdict_says_where_intervals_are_too_narrow(misfit, noise, steady, said):
+    errors = {
+        name: SimpleNamespace(relative=share)
+        for name, share in (("as_it_is", 0.5), ("held_out_placed", 0.07))
+    }
+    sides = {"simulated": {"accuracy": [0.5, 0.6]}, "recorded": {"accuracy": [0.75, 1.0]}}
+    result = SimpleNamespace(
+        errors=errors, recognition={"refined": sides}, fit=SimpleNamespace(misfit=misfit, noise=noise), steady=steady,
+        unit="kPa",
+    )  # fmt: skip
+    near, worth, doubt = verdict(result)
+    assert "7 % of the contact as fitted, by 50 % as simulated" in near
+    assert "refined is right after 2 touches" in worth
+    assert "simulated 0.60, recorded 1.00" in worth
+    assert said in doubt
+    assert ("too narrow" in doubt) == ("so the" not in said)
 
 
 def test_near_copies_of_a_press_are_averaged_and_no_others():

@@ -45,7 +45,7 @@ def test_a_pad_on_a_pty_is_recognised_on_a_terminal(bench, here, scan_file, on_t
         assert tare.returncode == 0, tare.stderr
         words = ["live", "--port", name, "--calibration", "tare.toml", "--train-scan", scan_file]
         terminal = on_terminal(*words, "--explore", "random", *SMALL)
-        terminal.wait_for("lift the letter")
+        terminal.wait_for("lift it off")
         terminal.wait_for("touch 1: ")
         terminal.wait_for("touch 2: ")
         terminal.press("r")

@@ -113,10 +113,10 @@ def test_a_tare_says_what_is_noise(recogniser, device, scan, eventually):
     with leading:
         eventually(lambda: leading.view().asked is not None)
         feed(0.0, 60)
-        assert leading.view().phase == "lift the letter off the pad"
+        assert leading.view().phase == "lift it off the pad"
         leading.tared(calibration_of([3.0] * 36))
         feed(0.0, 60)
-        assert leading.view().phase == "press the letter on the pad"
+        assert leading.view().phase == "press it on the pad"
         feed(60.0, 60)
         eventually(lambda: len(leading.beliefs) == 1)
 
