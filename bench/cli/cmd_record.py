@@ -96,7 +96,7 @@ def command_record(
     plan = {
         "label": letter,
         "split": split,
-        "poses": _poses(poses, seed, described.pad, pressed or known_letter(letter), pressed is not None),
+        "poses": _poses(poses, seed, described.pad, known_letter(letter), pressed),
     } | settings
     _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen, pressed)
 
@@ -195,17 +195,19 @@ def _check_name(out: Path, suffix: str) -> None:
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
-def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, own: bool) -> list[tuple[float, ...]]:
+def _poses(
+    text: str, seed: int, pad: Pad, pressed: Letter | None, own: Letter | None
+) -> list[tuple[float, ...]]:
     import numpy as np
 
     from tactsim.bench.pad import on_object, touching
     from tactsim.core.poses import spread_out
     from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
 
-    stage = stage_for(pad, pressed)
+    stage = stage_for(pad, own or pressed)
     poses = grid_poses(stage)
-    if own and pressed is not None:
-        poses = poses[on_object(poses, pad, pressed)]
+    if own is not None:
+        poses = poses[on_object(poses, pad, own)]
     kind, _, number = text.partition(":")
     count = whole_number(number)
     if kind == "spread" and count is not None and 1 <= count <= len(poses):
@@ -213,8 +215,7 @@ def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None, own: bool) ->
         poses = poses[spread_out(poses, count)]
     elif kind == "random" and count is not None and 1 <= count <= 100_000:
         rng = np.random.default_rng(seed)
-        drawn = own and pressed is not None
-        poses = touching(rng, count, pad, pressed) if drawn else random_poses(rng, count, stage.reach)
+        poses = random_poses(rng, count, stage.reach) if own is None else touching(rng, count, pad, own)
     elif text != "grid":
         raise InputError(
             f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"
