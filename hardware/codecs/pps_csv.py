@@ -173,12 +173,12 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of readings{but}")
     names = [*(titles[line][time + 1 :] or titles[line][:time]), *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
+    stored = whole[:, 1:].copy()
+    whole[:, 1:], wrapped = unwrapped(stored)
     whole[:, 1:][:, flickering(whole[:, 1:])] = np.nan
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
-    stored = whole[:, 1:].copy()
-    whole[:, 1:], wrapped = unwrapped(stored)
     for row, mended in zip((row for row in rows if len(row) == width), whole, strict=True):
         row[:] = mended
     failed = np.asarray(failed_cells(whole[:, 1:]).any(axis=1))

@@ -138,7 +138,8 @@ def test_counters_of_ms_and_us_are_no_times_since_1970():
 def test_counts_below_0_without_a_sign_are_mended_in_a_recording():
     counts = [at % 9 - 4 for at in range(60)]
     lines = [f"{40 * at}, {count % 65536}, {500 + at}" for at, count in enumerate(counts)]
-    _, frames, remark = read_table(iter(["Time [ms], Elem0, Elem1", *lines]))
+    lines = [f"{line}, 500, 510, 520, 490" for line in lines]
+    _, frames, remark = read_table(iter(["Time [ms], a, b, c, d, e, f", *lines]))
     assert [frame.values[0] for frame in frames] == counts
     assert f"{sum(count < 0 for count in counts)} counts below 0" in remark
 
