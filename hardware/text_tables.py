@@ -20,6 +20,7 @@ from tactsim.core.poses import FloatArray
 
 TITLE_WITHIN = 40  # lines, at whose end the names have stood
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
+_OF_A_NUMBER = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?|[-+]?\d{1,3}(,\d{3})+", re.IGNORECASE)  # with commas
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _BY_CHANCE = 20  # numbers; of so many with up to three decimals one in ten ends earlier
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
@@ -171,25 +172,40 @@ def numbers_of(text: str) -> FloatArray:
 def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
     """Read frames (n, taxels) of a text: a line each, perhaps behind a clock, several lines each, or a line a taxel.
 
-    ahead: so many numbers, 0 or 1, may stand before a frame in its line. Lines that hold anything but numbers say
-    nothing. Where a line has as many numbers as a part of the taxels, so many lines that follow each other are a frame,
-    and what stands between them is none. Raises InputError.
+    ahead: so many numbers, 0 or 1, may stand before a frame in its line, a clock. Lines that hold anything but numbers
+    say nothing; commas are decimal or stand between thousands where something else parts numbers. Where a line has as
+    many numbers as a part of the taxels, so many lines that follow each other are a frame, and what stands between them
+    is none. Raises InputError.
     """
-    numbers = [_numbers(line) for line in text.splitlines()]
+    cells = [_cells(line) for line in text.splitlines()]
+    behind = [cell for row in cells for cell in row[1:]]  # before them a clock may stand
+    thousands = thousands_mark(behind) or ""
+    commas = not thousands and has_decimal_commas(chain(*cells), ";")
+    numbers = [_numbers(row, thousands, commas) for row in cells]
     widths = Counter(len(one) for one in numbers if one is not None)
     fitting = [width for width in widths if width in (taxels, taxels + ahead) or taxels % max(width, 1) == 0]
     width = max(fitting, key=lambda one: (one * widths[one], one), default=0)
     rows = [one for one in numbers if one is not None]
-    if len(widths) == 1 and len(rows) == taxels and width < taxels:
+    if len(widths) == 1 and len(rows) == taxels and width in (0, taxels + 1, *range(1, taxels)):
         table = np.array(rows)
         if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
+            if width > taxels:
+                raise InputError(
+                    f"its {taxels} lines of {width} numbers may be frames or taxels; leave the first out"
+                )
             return table[:, 1:].T
     if width < 2:
         raise InputError(
             f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {taxels} taxels"
         )
     if width >= taxels:
-        return np.array([one[-taxels:] for one in rows if len(one) == width])
+        whole = np.array([one for one in rows if len(one) == width])
+        clock = whole[:, 0]
+        if width > taxels and ((np.diff(clock) < 0).any() or (clock[0] == clock[-1] and len(clock) > 1)):
+            raise InputError(
+                f"its lines have {width} numbers for {taxels} taxels, and the first is no clock that rises"
+            )
+        return whole[:, -taxels:]
     lines, frames, block = taxels // width, list[list[float]](), list[list[float]]()
     for number, one in enumerate([*numbers, None], start=1):
         if one is not None and len(one) == width:
@@ -205,9 +221,20 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
     return np.array(frames)
 
 
-def _numbers(line: str) -> list[float] | None:
-    """Read a line of numbers between commas, semicolons, tabs or blanks; None if it holds none, or anything else."""
+def _cells(line: str) -> list[str]:
+    """Split a line at commas, semicolons, tabs or blanks; at commas not if they may be decimal beside another mark."""
+    words = [word.strip("\"'") for word in re.split(r"[;\t ]+", line.strip(",;\t \r")) if word]
+    marked = [word for word in words if "," in word]
+    if marked and len(words) > 1 and all(map(_OF_A_NUMBER.fullmatch, marked)):
+        return words
+    return [part.strip("\"'") for word in words for part in word.split(",") if part]
+
+
+def _numbers(cells: list[str], thousands: str, commas: bool) -> list[float] | None:
+    """Read cells that are all numbers; None if there are none, or anything else."""
     try:
-        return [float(word) for word in re.split(r"[,;\t ]+", line.strip(",;\t \r")) if word] or None
+        return [
+            float(cell.replace(thousands, "").replace(",", "." if commas else ",")) for cell in cells
+        ] or None
     except ValueError:
         return None

@@ -35,8 +35,9 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     names = {role: name for role, name in names.items() if role != "poses" or not unknown}
     wanted = list(dict.fromkeys(names.values()))
     try:
-        if path.suffix.lower() == ".mat":
-            found = mat_arrays(read_bytes(path, LARGEST), wanted)
+        content = read_bytes(path, LARGEST) if path.suffix.lower() == ".mat" else b""
+        if content and not is_of_hdf5(content):
+            found = mat_arrays(content, wanted)
         elif path.suffix.lower() == ".npz":
             found = read_npz(path, wanted)
         else:
@@ -84,13 +85,16 @@ def presses_first(arrays: Mapping[str, Any]) -> dict[str, Any]:
     return turned
 
 
+def is_of_hdf5(content: bytes) -> bool:
+    """Tell whether a MAT file is of version 7.3, which is HDF5."""
+    return b"MATLAB 7.3" in content[:128]
+
+
 def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Read arrays of a MAT file by SciPy, which unpickles and runs nothing; `TS{2}` is the second array of a cell.
 
-    Raises InputError if the file is not whole, is of version 7.3, lacks an array or holds one of another kind.
+    Raises InputError if the file is not whole, lacks an array or holds one of another kind.
     """
-    if b"MATLAB 7.3" in content[:128]:
-        raise InputError("it is a MAT file of version 7.3; save it with -v7")
     variables = {name: name.partition("{")[0] for name in names}
     try:
         there = {name: (shape, kind) for name, shape, kind in whosmat(BytesIO(content))}

@@ -85,16 +85,29 @@ def is_foreign(path: Path) -> bool:
         return False
 
 
-def read_named(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+def read_named(path: Path, names: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
     """Read datasets of somebody else's file: numbers or texts, whatever group they are in, as `group/name`.
 
-    Those that MATLAB wrote (-v7.3) have their dimensions turned round there, and come as it has them.
+    names: None for all arrays of numbers that lie in no group. Those that MATLAB wrote (-v7.3) have their dimensions
+    turned round there, and come as it has them; a cell of texts comes as an array of them.
     Raises InputError if the file is not whole, too large, or lacks one, which is a MissingArrayError.
     """
     with _opened(path) as file:
-        arrays = _read(file, names)
+        if names is None:
+            names = [
+                name for name, item in file.items() if getattr(item, "dtype", np.dtype("O")).kind in "biuf"
+            ]
+        of_cells = [
+            name for name in names if getattr(file.get(name), "attrs", {}).get("MATLAB_class") == b"cell"
+        ]
+        arrays = _read(file, [name for name in names if name not in of_cells])
+        for name in of_cells:
+            texts = [file[reference] for reference in file[name][()].ravel()]
+            if not all(text.attrs.get("MATLAB_class") == b"char" and text.size < 1000 for text in texts):
+                raise InputError(f"array {name!r} is a cell of more than texts")
+            arrays[name] = np.array(["".join(map(chr, text[()].ravel())) for text in texts])
         for name, array in arrays.items():
-            kind = file[name].attrs.get("MATLAB_class")
+            kind = None if name in of_cells else file[name].attrs.get("MATLAB_class")
             if kind is not None:
                 of_text = kind == b"char" and array.ndim == 2
                 arrays[name] = np.array(["".join(map(chr, row)) for row in array.T]) if of_text else array.T

@@ -1,5 +1,8 @@
 """Scans of any kind for the tests of the formats."""
 
+from pathlib import Path
+
+import h5py
 import numpy as np
 from hypothesis import strategies as st
 
@@ -49,3 +52,24 @@ def make_scan(
         numbers(count, taxels), numbers(count, 3), rng.choice(np.array(labels), count), rng.choice(splits, count),
         numbers(taxels, 2), {} if meta is None else meta, **moving,
     )  # fmt: skip
+
+
+def as_matlab_saves(path, **arrays):
+    """Write arrays as MATLAB's -v7.3 does: dimensions turned round, each with its class; a list of texts as a cell."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array in arrays.items():
+            if isinstance(array, list):
+                for at, text in enumerate(array):
+                    file[f"#refs#/{name}{at}"] = np.array([list(map(ord, text))], np.uint16).T
+                    file[f"#refs#/{name}{at}"].attrs["MATLAB_class"] = np.bytes_("char")
+                file[name] = np.array(
+                    [[file[f"#refs#/{name}{at}"].ref for at in range(len(array))]], h5py.ref_dtype
+                )
+                file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+                continue
+            is_text = array.dtype.kind == "U"
+            stored = np.array([list(map(ord, text)) for text in array], np.uint16) if is_text else array
+            file[name] = stored.T
+            file[name].attrs["MATLAB_class"] = np.bytes_("char" if is_text else stored.dtype.name)
+    with Path(path).open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")

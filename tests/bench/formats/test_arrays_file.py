@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from command_line import refused
 from hostile import damaged, reads_or_refuses
+from made_scans import as_matlab_saves
 from scipy.io import savemat
 
 from tactsim.bench import formats
@@ -193,25 +194,19 @@ def test_arrays_without_poses_say_that_nobody_noted_them(tmp_path, here):
     assert (scan.meta["poses"], scan.split.tolist()) == ("unknown", ["train", "train", "test", "test"])
 
 
-def as_matlab_saves(path, **arrays):
-    """Write arrays as MATLAB's -v7.3 does: dimensions turned round, each with its class."""
-    with h5py.File(path, "w") as file:
-        for name, array in arrays.items():
-            is_text = array.dtype.kind == "U"
-            stored = np.array([list(map(ord, text)) for text in array], np.uint16) if is_text else array
-            file[name] = stored.T
-            file[name].attrs["MATLAB_class"] = np.bytes_("char" if is_text else stored.dtype.name)
-
-
+@pytest.mark.parametrize("suffix", [".h5", ".mat"])
 @pytest.mark.parametrize("last", ["neither", "readings", "poses", "both"])
-@pytest.mark.parametrize("labels", [np.array([[1.0, 2.0, 1.0, 7.0]]), np.array(["AAA", "BB ", "AAA", "C  "])])
-def test_arrays_that_matlab_saved_keep_rows_and_columns(tmp_path, last, labels):
+@pytest.mark.parametrize(
+    "labels",
+    [np.array([[1.0, 2.0, 1.0, 7.0]]), np.array(["AAA", "BB ", "AAA", "C  "]), ["AAA", "BB", "AAA", "C"]],
+)
+def test_arrays_that_matlab_saved_keep_rows_and_columns(tmp_path, last, labels, suffix):
     pictures = READINGS.reshape(4, 2, 3)
     pictures = np.moveaxis(pictures, 0, -1) if last in ("readings", "both") else pictures
     poses = POSES.T if last in ("poses", "both") else POSES
-    as_matlab_saves(tmp_path / "lab.h5", readings=pictures, poses=poses, labels=labels)
+    as_matlab_saves(tmp_path / f"lab{suffix}", readings=pictures, poses=poses, labels=labels)
     names = {role: role for role in ("readings", "poses", "labels")}
-    scan = read_arrays(tmp_path / "lab.h5", names, PAD, "count")
+    scan = read_arrays(tmp_path / f"lab{suffix}", names, PAD, "count")
     assert np.array_equal(scan.readings, READINGS)
     assert np.array_equal(scan.poses, POSES)
     assert scan.labels[3] in ("7", "C")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from command_line import refused
+from made_scans import as_matlab_saves
 from scipy.io import savemat
 
 from tactsim.bench.formats.press_files import read_press_folder
@@ -114,3 +115,103 @@ def test_the_last_presses_of_each_object_are_left_to_test(here, tmp_path):
     (tmp_path / "scan.npz").unlink()
     refused(here(*words, "--labels", "colour"), "say folder or name")
     refused(here(*words, "--test", "100%"), "too few presses")
+
+
+HALVES = np.arange(24) * 3.5 + 0.5  # of a press's plateau
+PRESS = np.outer([0, 0, 1, 1, 1, 0, 0], HALVES)
+
+
+def decimal_commas(mark, clock=False, lines_a_frame=1):
+    rows = PRESS.reshape(7 * lines_a_frame, -1)
+    rows = np.column_stack([np.arange(7) * 0.04, PRESS]) if clock else rows
+    return lines(rows, mark).replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        decimal_commas(";"),
+        decimal_commas("\t"),
+        decimal_commas(" "),
+        decimal_commas(";", clock=True),
+        decimal_commas(";", lines_a_frame=4),
+        lines(PRESS.astype(str), '","').replace("\n", '"\n"')[:-1],
+        lines(PRESS).replace("28.5", "nan", 1),
+        lines(PRESS).replace("28.5", "inf", 1),
+        lines(PRESS).replace("28.5", "", 1),
+    ],
+)
+def test_decimal_commas_quotes_and_words_for_no_number_make_no_other_numbers(tmp_path, text):
+    (tmp_path / "nut1.csv").write_text('"' * text.startswith('0.0"') + text)
+    assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(HALVES[None])
+
+
+def test_thousands_in_frames_are_whole_and_what_reads_both_ways_is_refused(tmp_path):
+    whole = np.outer([0, 1, 1, 0], np.arange(24) * 137)
+    (tmp_path / "nut1.csv").write_text("".join(";".join(f"{n:,}" for n in row) + "\n" for row in whole))
+    assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(whole[1:2])
+    (tmp_path / "nut1.csv").write_text("".join(";".join(["0", "5,166", *"0" * 22]) + "\n" for _ in range(3)))
+    with pytest.raises(InputError, match="5,166 may be 5166 or"):
+        read_press_folder(tmp_path, PAD, "count")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            lines(np.column_stack([PRESS, PRESS.sum(axis=1)])),
+            "25 numbers for 24 taxels, and the first is no clock",
+        ),
+        (lines(np.column_stack([np.arange(24), np.ones((24, 24))])), "may be frames or taxels"),
+        (lines(np.where(np.eye(7, 24), np.nan, PRESS)), "every frame has a cell that failed or is no number"),
+    ],
+)
+def test_frames_that_may_be_something_else_are_refused(tmp_path, text, says):
+    (tmp_path / "nut1.csv").write_text(text)
+    with pytest.raises(InputError, match=says):
+        read_press_folder(tmp_path, PAD, "count")
+
+
+@pytest.mark.parametrize("mark", [65535, -9999])
+def test_frames_with_failed_cells_are_left_out_and_counted(tmp_path, caplog, mark):
+    rng = np.random.default_rng(3)
+    for press in range(5):
+        frames = np.repeat(PRESS, 6, axis=0).astype(float)
+        frames[rng.integers(len(frames)), rng.integers(24)] = mark
+        (tmp_path / f"nut{press}.csv").write_text(lines(frames))
+    assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(np.tile(HALVES, (5, 1)))
+    assert "5 of 210 frames have a failed cell" in caplog.text
+
+
+def test_a_taxel_that_fails_in_many_frames_is_left_out(tmp_path, caplog):
+    frames = np.repeat(PRESS, 6, axis=0)
+    frames[::5, 7] = 9999
+    (tmp_path / "nut1.csv").write_text(lines(frames))
+    assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(np.delete(HALVES, 7)[None])
+    assert "taxel 7 is left out" in caplog.text
+
+
+def test_frames_that_read_less_under_load_are_found_and_said(tmp_path, caplog):
+    for press in range(4):
+        (tmp_path / f"nut{press}.csv").write_text(lines(900 - (1 + press) * PRESS))
+    readings = read_press_folder(tmp_path, PAD, "count").readings
+    assert readings == pytest.approx(900 - np.outer([1, 2, 3, 4], HALVES))
+    assert "read less under load" in caplog.text
+
+
+@pytest.mark.parametrize("save", ["npy", "mat"])
+def test_frames_may_come_last_in_an_array(tmp_path, save):
+    last = np.moveaxis(FRAMES.reshape(7, 4, 6), 0, -1)
+    (np.save if save == "npy" else lambda path, array: savemat(path, {"x": array}))(
+        tmp_path / f"nut1.{save}", last
+    )
+    assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(LOADED.mean(axis=0)[None])
+
+
+def test_a_mat_file_of_version_73_is_read_as_one_of_version_7(tmp_path):
+    as_matlab_saves(
+        tmp_path / "more.mat", Nut_1_1=FRAMES, Nut_1_2=2 * FRAMES.reshape(7, 4, 6), other=np.ones((3, 5))
+    )
+    scan = read_press_folder(tmp_path, PAD, "count")
+    assert scan.labels.tolist() == ["Nut", "Nut"]
+    assert scan.readings == pytest.approx(np.outer([1, 2], LOADED.mean(axis=0)))
