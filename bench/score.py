@@ -192,10 +192,11 @@ class Metric:
     """A figure of a run: what it is, in one line, and how it follows from the trials and their errors.
 
     compute: over the reading count, (r,) or a list with None where undefined, or one number or table a run. pooled: the
-    figure and its interval over the trials of several runs, after reading k + 1 where it has one; None if it has no
-    interval. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
-    readings, None for three digits in all. better: +1 if more is better, -1 if less is, 0 if neither. section: of a
-    report's page whose table at a chosen reading shows it, "curves" or "certainty". table: whether it is one itself.
+    figure and its interval over the trials of several runs, after reading k + 1 where it has one; None if no table
+    shows it. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
+    readings, None for whole numbers or three digits, without an interval. better: +1 if more is better, -1 if less is,
+    0 if neither. section: of a report's page whose table at a chosen reading shows it, "curves" or "certainty". table:
+    whether it is one itself.
     """
 
     description: str
@@ -239,7 +240,7 @@ def averaged(
     values: Callable[[Scored], NDArray[Any]],
     heading: str,
     among: Callable[[Scored], NDArray[np.bool_]] = _all,
-    digits: int = 3,
+    digits: int | None = 3,
     better: int = 0,
     section: str = "",
 ) -> Metric:
@@ -477,7 +478,7 @@ CURVES: dict[str, Metric] = {
         lambda scored: scored.trials.evaluations,
         "likelihood evaluations of reading {}",
         lambda scored: scored.trials.taken,
-        digits=1,
+        digits=None,
         better=-1,
     ),
 }

@@ -171,6 +171,13 @@ def _compare_all(folders: list[Path]) -> None:
     from tactsim.bench.runs.pooled import cell, pool
     from tactsim.bench.runs.tables import heading
 
+    twice = [
+        folder for i, folder in enumerate(folders) if folder.resolve() in {of.resolve() for of in folders[:i]}
+    ]
+    if twice:
+        raise InputError(
+            f"{twice[0]} is given twice, and would count as a method of its own; give each run once"
+        )
     runs = [load(folder) for folder in folders]
     for run in runs[1:]:
         check_same_trials(runs[0], run)

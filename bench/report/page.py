@@ -75,6 +75,7 @@ def page(groups: Sequence[Group], replayed: Sequence[Replayed], remarks: Sequenc
         "dates": sorted({str(entry.run.times.get("started", ""))[:10] for entry in entries} - {""}),
         "remarks": list(remarks),
         "figures": shown_figures(PLANE),
+        "thing": "letter" if all(group.thing == "letter" for group in groups) else "object",
         "protocols": [
             _protocol(name, [group for group in groups if group.protocol == name], names, replayed, arrays)
             for name in dict.fromkeys(group.protocol for group in groups)

@@ -92,7 +92,7 @@ def plots(group: Group, name: str) -> dict[str, Markup]:
     found: dict[str, tuple[Callable[..., object], str]] = {
         "share": (_draw_share, "Accuracy against readings seen"),
         "error": (_draw_error, "Placement error against readings seen"),
-        "stated": (_draw_reliability, "Reliability diagram of the letter's probability"),
+        "stated": (_draw_reliability, f"Reliability diagram of the {group.thing}'s probability"),
     }
     if sure:
         found["held"] = (_draw_held, "Coverage of the 90 % regions against readings seen")
@@ -144,8 +144,9 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
         lines = [line for line in lines if np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any()]
     _legend(figure, lines)  # above: within the plot it would hide a curve
     if sheet.caption:
-        bands = "Error where the letter is right. Bands: 95 % intervals."
-        _caption(figure, group, "\n".join([bands, *below_bound(group)]))
+        of_error = [f"Error where the {group.thing} is right."] * ("error" in shown)
+        notes = below_bound(group) if of_error else []
+        _caption(figure, group, "\n".join([" ".join([*of_error, "Bands: 95 % intervals."]), *notes]))
     return figure
 
 
@@ -332,10 +333,12 @@ def _caption(figure: Figure, group: Group, text: str) -> None:
         )
     )
     full = figure.get_figwidth() / Sheet.width
-    letters = len(group.entries[0].run.about["letters"])
+    tried = counted(len(group.entries[0].run.letters), group.thing)
     task = "" if group.task == "defaults" else f"{group.task}; "
-    caption = f"{task}{letters} letters, {trials} of {scans}, {group.protocol}. {text}"
+    caption = f"{task}{tried}, {trials} of {scans}, {group.protocol}. {text}"
     lines = [part for line in caption.split("\n") for part in textwrap.wrap(line, int(140 * full))]
+    if full < 1:  # the plots of a narrow figure keep their height
+        figure.set_figheight(figure.get_figheight() + 0.13 * len(lines))
     figure.supxlabel("\n".join(lines), fontsize=7, color="#444444")
 
 

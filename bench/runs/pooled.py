@@ -231,6 +231,12 @@ class Group:
         return tuple(dict.fromkeys(entry.method for entry in self.entries))
 
     @property
+    def thing(self) -> str:
+        """Say what is recognised: letters, or objects of the user's own."""
+        labels = {label for entry in self.entries for label in entry.run.letters}
+        return "letter" if all(len(label) == 1 for label in labels) else "object"
+
+    @property
     def readings(self) -> int:
         """Count the readings that every run has."""
         return min(entry.readings for entry in self.entries)
@@ -324,7 +330,7 @@ def cell(one: Pooled, figure: str) -> str:
     if found.value is None:
         return "-"
     if digits is None:
-        return f"{found.value:.3g}"
+        return f"{found.value:,.0f}" if found.value >= 1000 else f"{found.value:.3g}"
     value, *ends = in_digits(found, digits)
     return f"{value} ({'-'.join(ends)})" if ends else value
 

@@ -175,8 +175,8 @@ def distances(estimator: Estimator, references: References) -> FloatArray:
             p = np.array([estimate.probabilities.get(letter, 0.0) for letter in letters])
             result[n, a, 0] = np.abs(p - references.probabilities[n, a]).sum() / 2
             best = letters[int(references.probabilities[n, a].argmax())]
-            if estimate.label != best:
-                continue
+            if estimate.label != best or not estimate.robot_in_object[:2].any():
+                continue  # one that places nothing says the middle of the prior, whose distance means nothing
             result[n, a, 1] = placement_error(estimate.robot_in_object, references.pose[n, a], objects[best])
             if estimate.samples is not None:
                 mine = drawn(estimate.samples, SAMPLES, np.random.default_rng(0))

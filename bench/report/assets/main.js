@@ -21,7 +21,7 @@ function readingsSection(task) {
   }
   const visible = new Set(task.runs.filter((run) => task.runs.length <= 6 || run.rank === 0).slice(0, 8));
   const plots = h("div", { class: "two" }, plot(`${task.plots}-share`, "Share of trials right"),
-    plot(`${task.plots}-error`, "Placement error where the letter is right, mm"));
+    plot(`${task.plots}-error`, `Placement error where the ${data.thing} is right, mm`));
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
   const values = runsTable(figuresOf("curves"));
@@ -108,7 +108,7 @@ function certaintySection(task) {
     h("p", { class: "lead" }, "A region is all placements within a distance of the estimate that hold together 90 % of the belief. Its radius is the error that the method itself expects not to exceed in nine of ten trials."),
     h("div", { class: "two" }, plot(`${task.plots}-held`, "Share of 90 % regions that hold the truth"), right,
       plot(`${task.plots}-ranks`, "Share of trials of a lower rank, less that rank, after the last reading")),
-    h("p", { class: "hint" }, `Dashed: as it should be. Regions and ranks: over the trials whose letter is right. Shares right: ${marked} ` +
+    h("p", { class: "hint" }, `Dashed: as it should be. Regions and ranks: over the trials whose ${data.thing} is right. Shares right: ${marked} ` +
       "A rank is the share of the belief that lies nearer to the estimate than the truth does. The ranks of beliefs that are right stay within the grey band from end to end in 95 of 100 runs; a line below it is of beliefs that are too narrow, one above it of beliefs that are too wide."),
     h("div", { class: "controls" }, control.field),
     scrolling("How sure at the chosen reading", values.table));
@@ -149,9 +149,9 @@ function confusionSection(task) {
   });
   if (!several.length) pick.select.value = String(task.runs.indexOf(largest[0]));
   fill(last);
-  return section("Which letters are taken for which",
+  return section(`Which ${data.thing}s are taken for which`,
     h("div", { class: "controls" }, pick.field, control.field),
-    h("p", { class: "hint" }, "Rows: the true letter. Columns: what is said. Numbers: trials."),
+    h("p", { class: "hint" }, `Rows: the true ${data.thing}. Columns: what is said. Numbers: trials.`),
     holder);
 }
 

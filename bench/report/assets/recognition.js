@@ -130,7 +130,7 @@ function recognitionView(protocol) {
   function drawScene(k) {
     const count = trial.estimate.length;
     const outlines = protocol.outlines;
-    grey.textContent = outlines[trial.truth] && !outlines[trial.truth].drawn ? "Grey: what is occupied in the map that was learned of the letter, as there is no drawing of it." : "Grey: the letter.";
+    grey.textContent = outlines[trial.truth] && !outlines[trial.truth].drawn ? `Grey: what is occupied in the map that was learned of the ${data.thing}, as there is no drawing of it.` : `Grey: the ${data.thing}.`;
     const xs = trial.taxels.map(([x]) => Math.abs(x)), ys = trial.taxels.map(([, y]) => Math.abs(y));
     const [w, height] = trial.taxelSize;
     const halfX = Math.max(...xs) + w / 2, halfY = Math.max(...ys) + height / 2;
@@ -144,7 +144,7 @@ function recognitionView(protocol) {
     for (const [of, [x, y]] of drawn) if (of) size = Math.max(size, Math.abs(x) + of.radius + 1, Math.abs(y) + of.radius + 1);
     size = Math.min(size, most);
     scene.setAttribute("viewBox", `${-size} ${-size} ${2 * size} ${2 * size}`);
-    scene.setAttribute("aria-label", `The pad on the letter ${trial.truth} at reading ${reading}, with the estimate's outline dashed`);
+    scene.setAttribute("aria-label", `The pad on the ${data.thing} ${trial.truth} at reading ${reading}, with the estimate's outline dashed`);
     const pad = (i, name) => s("rect", { class: name, x: -halfX, y: -halfY, width: 2 * halfX, height: 2 * halfY, transform: poseTransform(row(trial.sensor, i)) });
     const parts = [];
     if (outline) parts.push(s("path", { class: "object", "fill-rule": "evenodd", d: outlinePath(outline, [0, 0, 0]) }));
@@ -221,7 +221,7 @@ function recognitionView(protocol) {
     parts.push(s("rect", { class: "here", x: x(k) - 1.5, y: top - 3, width: 0.92 * column + 3, height: bottom - top + 6, rx: 2 }));
     history.replaceChildren(...parts);
   }
-  history.setAttribute("aria-label", "Belief over the letters and placement error after every reading");
+  history.setAttribute("aria-label", `Belief over the ${data.thing}s and placement error after every reading`);
   history.addEventListener("click", (event) => {
     const count = trial.estimate.length;
     stop();
@@ -262,7 +262,7 @@ function recognitionView(protocol) {
 
   onTheme(draw);
   start(runs[0], kinds[0]);
-  const letters = h("div", { class: "card c" }, h("h4", {}, "Belief over the letters"), bars, history,
+  const letters = h("div", { class: "card c" }, h("h4", {}, `Belief over the ${data.thing}s`), bars, history,
     h("p", { class: "hint" }, "Above: the belief after every reading. Below: the placement error, mm. Click to go to a reading."));
   whenSized(letters, (width) => {
     historyWidth = width;
@@ -274,8 +274,8 @@ function recognitionView(protocol) {
     h("div", { class: "controls sticky" }, back, play, next, holder),
     status,
     h("div", { class: "recognition" },
-      h("div", { class: "card a" }, h("h4", {}, "The pad on the letter"), scene,
-        h("p", { class: "hint" }, "In the letter's own frame. ", grey, " Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the letter's centre is with 90 %.")),
+      h("div", { class: "card a" }, h("h4", {}, `The pad on the ${data.thing}`), scene,
+        h("p", { class: "hint" }, `In the ${data.thing}'s own frame. `, grey, ` Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the ${data.thing}'s centre is with 90 %.`)),
       h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,

@@ -67,7 +67,7 @@ const figuresOf = (section) => Object.keys(data.figures).filter((name) => data.f
 function headlineTable(task) {
   const columns = [
     { heading: "run", value: (run) => run.label, cell: (run) => [swatch(run.method), run.label] },
-    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} letter${run.letters.length > 1 ? "s" : ""}${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
+    { heading: "trials", value: (run) => run.trials, cell: (run) => [String(run.trials), h("small", {}, `${run.letters.length} ${data.thing}${run.letters.length > 1 ? "s" : ""}${run.scans > 1 ? `, ${run.scans} scans` : ""}`)] },
     ...task.headlines.map(({ heading, digits }, i) => ({ heading, value: (run) => run.headlines[i][0], cell: (run) => within(run.headlines[i], digits) })),
   ];
   const rows = task.runs.map((run) =>
