@@ -12,10 +12,11 @@ import re
 import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,6 +36,7 @@ from tactsim.hardware.text_tables import frames_of_text
 KNOWN = Path(__file__).with_name("public_recordings.toml")
 _LARGEST = 1 << 28  # bytes of a file
 _WAIT_S = 30.0
+_ONE_BY_ONE = 60  # files; more come in one archive
 _IDLE = 0.1  # of a press's range of total load: below it a frame is idle
 _READ_REVERSED = slice(5, 14)  # columns of the TactileDTMF pad that its readout has in reverse
 _TIPS = (1, 5)  # of the six arrays in a .dsa file those between which the hand held its objects
@@ -111,9 +113,13 @@ def files_of(name: str, recording: Recording, given: Path | None = None) -> Iter
     """Give each file's path and content, checked against its SHA-256; downloads and keeps what is not there.
 
     given: the only file, or a folder that holds the files, by their paths or their names alone; nothing is downloaded
-    then, and copies are kept. Raises InputError for a file that is missing, cannot be had or has another content.
+    then, and copies are kept. Many files come in the repository's archive. Raises InputError for a file that is
+    missing, cannot be had or has another content.
     """
     kept = cache_folder() / "recordings" / name
+    if given is None and sum(not (kept / path).exists() for path in recording.files) > _ONE_BY_ONE:
+        with suppress(InputError):  # else they come one by one
+            _unpack(recording, kept)
     for path, sha in recording.files.items():
         if given is None:
             place = kept / path
@@ -358,6 +364,19 @@ def _folder_of(place: Path) -> Path:
     except OSError as error:
         raise InputError(f"cannot make {place.parent}: {error.strerror}") from error
     return place
+
+
+def _unpack(recording: Recording, kept: Path) -> None:
+    """Download the archive of the repository at its commit, and keep the recording's files of it."""
+    owner, repository, commit, folder = unquote(recording.address).split("/", 6)[3:]
+    address = f"https://codeload.github.com/{owner}/{repository}/zip/{commit}"
+    content = _download(address, kept)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            for path in recording.files:
+                write_bytes(_folder_of(kept / path), archive.read(f"{repository}-{commit}/{folder}{path}"))
+    except (zipfile.BadZipFile, KeyError) as error:
+        raise InputError(f"{address} is no whole archive of {recording.repository}: {error}") from error
 
 
 def _download(address: str, place: Path) -> bytes:

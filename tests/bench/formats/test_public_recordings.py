@@ -203,6 +203,30 @@ def test_a_recording_is_got_from_a_folder(here, tmp_path, monkeypatch):
     assert not (tmp_path / "t.npz").exists()
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_many_files_come_in_one_archive_and_without_it_one_by_one(tmp_path, monkeypatch, whole):
+    files = {f"bolt/{number:02}.txt": bytes([number]) for number in range(80)}
+    commit = "0" * 40
+    address = f"https://raw.githubusercontent.com/she/grasps/{commit}/all%20of%20them/"
+    known = public.Recording.model_validate(described("icub10", files, address=address))
+    content, asked = io.BytesIO(), []
+    with zipfile.ZipFile(content, "w") as archive:
+        for path, inside in files.items():
+            archive.writestr(f"grasps-{commit}/all of them/{path}", inside)
+
+    def download(address, place):
+        asked.append(address)
+        if "codeload" in address:
+            return content.getvalue() if whole else b"no archive"
+        return files[address.partition("%20them/")[2]]
+
+    monkeypatch.setattr(public, "_download", download)
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(tmp_path))
+    assert dict(public.files_of("mine", known)) == files
+    assert asked[0] == f"https://codeload.github.com/she/grasps/zip/{commit}"
+    assert len(asked) == (1 if whole else 81)
+
+
 def test_without_a_network_it_is_said_where_a_file_is_to_be_put(here, tmp_path, monkeypatch):
     """A port on which nothing listens stands for no network; a file that is put there is taken."""
     files, _ = trials("X", np.random.default_rng(1))
