@@ -28,9 +28,7 @@ OBJECTS = ("ball", "egg", "letter")
 TIPS = ("fingertip0", "fingertip1", "fingertip2", "fingertip3", "thumbtip")
 NAMES = ("index", "middle", "ring", "little", "thumb")
 # 30 taxels without gaps, wrapped around a fingertip: rows along the finger, columns around it.
-FOIL = tactsim.Pad(
-    rows=6, columns=5, pitch_x=2, pitch_y=3, taxel_width=2, taxel_height=3, seam=None, unread_columns=0
-)
+FOIL = tactsim.Pad(rows=6, columns=5, pitch_x=2, pitch_y=3, taxel_width=2, taxel_height=3)
 READ_EVERY = 10  # steps of 2 ms
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from tactsim.attach.geom_gap import Body, Pose, body_of, measure
 from tactsim.attach.pad_reader import Layer, PadReader, touchable
-from tactsim.attach.pad_surface import RELIEF, Face, Lines, PadSurface, pad_axes, pad_surface
+from tactsim.attach.pad_surface import RELIEF, Face, Lines, PadSurface, matrix, pad_axes, pad_surface
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
 from tactsim.core.pad import Pad
@@ -50,7 +50,7 @@ def relief_surface(
     """
     axes = pad_axes(normal)
     listed = list(geoms)
-    rotations = np.array([axes.T @ _matrix(model.geom_quat[geom]) for geom in listed])
+    rotations = np.array([axes.T @ matrix(model.geom_quat[geom]) for geom in listed])
     middles, radii = model.geom_pos[listed] @ axes * _MM, model.geom_rbound[listed] * _MM
     body, pose = body_of(model, listed), Pose(rotations, middles)
     far = float((np.abs(middles[:, 2]) + radii).max()) + 1
@@ -77,18 +77,12 @@ def relief_surface(
     relief = np.where(seen, [height - top, slope_x, slope_y, np.ones_like(height)], 0.0)
     jumps = _jumps(height, seen, slope_x * steps[0], slope_y * steps[1]) * (len(listed) > 1)
     grid = np.array([x[0] - middle[0], y[0] - middle[1], *steps])
-    first = _matrix(model.geom_quat[geoms[0]])
+    first = matrix(model.geom_quat[geoms[0]])
     origin = axes @ np.array([*middle, top]) - model.geom_pos[geoms[0]] * _MM
     # Column by column, as a lattice's cells come.
     layers = np.ascontiguousarray(np.stack([*relief, *jumps]).T)
     face = Face(RELIEF, np.zeros(3), grid, layers, low - middle, high - middle, depth)
     return PadSurface(first.T @ origin, first.T @ axes, face)
-
-
-def _matrix(quat: FloatArray) -> FloatArray:
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quat)
-    return matrix.reshape(3, 3)
 
 
 def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> tuple[FloatArray, float]:
@@ -164,7 +158,7 @@ class AttachedPad:
     normal: FloatArray
     at: FloatArray
     layer: Layer
-    spec: mujoco.MjSpec | None = None
+    spec: mujoco.MjSpec | mujoco.MjModel
 
     def show(self) -> None:
         """Add a site for each taxel to the spec, with an arrow where the pad looks, for any viewer to draw.
@@ -173,7 +167,7 @@ class AttachedPad:
         motion. Raises InputError as `bind` does, and for a pad that was attached to a compiled model.
         """
         first = self.geoms[0]
-        if self.spec is None or not isinstance(first, mujoco.MjsGeom):
+        if not (isinstance(self.spec, mujoco.MjSpec) and isinstance(first, mujoco.MjsGeom)):
             raise InputError("sites are added to a spec, and the pad was attached to a compiled model")
         reader, size = self.bind(self.spec.compile()), [self.pad.taxel_width, self.pad.taxel_height, 0.2]
         axes, origin = reader.frame_in_body()
@@ -284,15 +278,7 @@ def attach(
     direction = _vector(normal, 3, "normal")
     if not direction.any():
         raise InputError("normal is (0, 0, 0); it is the direction in which the pad looks")
-    return AttachedPad(
-        geoms,
-        name,
-        pad,
-        direction,
-        _vector(at, 2, "at"),
-        layer,
-        None if isinstance(spec, mujoco.MjModel) else spec,
-    )
+    return AttachedPad(geoms, name, pad, direction, _vector(at, 2, "at"), layer, spec)
 
 
 def bind(model: mujoco.MjModel, pads: Iterable[AttachedPad]) -> list[PadReader]:
@@ -324,15 +310,12 @@ def _fitted(kind: int, axes: FloatArray, quat: FloatArray) -> FloatArray:
     quat: (4,), of the mesh: its principal axes in the file's. They are rarely those of the file to the last digit, so
     the axes are turned on to the nearest with which a pad lies on a geom of this kind, if they are within _ASKEW.
     """
-    turned = np.empty(9)
-    mujoco.mju_quat2Mat(turned, quat)
-    axes = turned.reshape(3, 3).T @ axes
+    axes = matrix(quat).T @ axes
     if kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
         nearest = np.round(axes)
     elif kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER):
-        across = abs(axes[2, 2]) < np.sqrt(
-            0.5
-        )  # the pad looks across the geom's axis, along which its y lies
+        # Whether the pad looks across the geom's axis, along which its y lies.
+        across = abs(axes[2, 2]) < np.sqrt(0.5)
         y, z = axes[:, 1].copy(), axes[:, 2].copy()
         if across:
             y, z[2] = np.array([0.0, 0.0, np.copysign(1.0, y[2])]), 0.0
@@ -340,9 +323,8 @@ def _fitted(kind: int, axes: FloatArray, quat: FloatArray) -> FloatArray:
             y[2], z = 0.0, np.array([0.0, 0.0, np.copysign(1.0, z[2])])
         y, z = y / np.linalg.norm(y), z / np.linalg.norm(z)
         nearest = np.column_stack([np.cross(y, z), y, z])
-        if across and abs(axes[2, 1]) < np.sqrt(
-            0.5
-        ):  # the file's z axis is not the geom's: its rows lie as they can
+        # Where the file's z axis is not the geom's, rows lie as they can.
+        if across and abs(axes[2, 1]) < np.sqrt(0.5):
             return nearest
     else:
         return axes

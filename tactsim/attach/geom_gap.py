@@ -211,7 +211,7 @@ def ball_around(points: Reals2D) -> Reals1D:
 
 @compiled(called_from_python=False)
 def near(body: Body, geom: int, pose: Pose, ball: Reals1D) -> tuple[Reals2D, Reals1D]:
-    """Put the faces of a geom before the pad: normals (3, f) and offsets (f,) mm in its frame.
+    """Put the faces of a geom before the pad: normals (f, 3) and offsets (f,) mm in its frame.
 
     ball: (4,) mm, as `ball_around` gives it of points. Faces that are further from them than the geom is, by more than
     the points' spread, are left out. Those that are left rise above the points in all directions by that spread, far
@@ -225,15 +225,15 @@ def near(body: Body, geom: int, pose: Pose, ball: Reals1D) -> tuple[Reals2D, Rea
         away[face] = math.sqrt(apart) - balls[face, 3]
     limit = max(away.min(), 0.0) + 1.5 * ball[3]
     count = int(np.count_nonzero(away <= limit))
-    normals, offsets = np.zeros((3, count)), np.empty(count)
+    normals, offsets = np.zeros((count, 3)), np.empty(count)
     count = 0
     for face in range(first, last):
         if away[face - first] <= limit:
             offsets[count] = body.offsets[face]
             for k in range(3):
                 for j in range(3):
-                    normals[k, count] += body.normals[face, j] * pose.rotations[geom, k, j]
-                offsets[count] += normals[k, count] * pose.positions[geom, k]
+                    normals[count, k] += body.normals[face, j] * pose.rotations[geom, k, j]
+                offsets[count] += normals[count, k] * pose.positions[geom, k]
             count += 1
     return normals, offsets
 
@@ -276,10 +276,9 @@ def measure(
     if kind != _CYLINDER:
         return
     # Of a cylinder the flat ends are entered as faces, and its side bounds them.
-    normals, offsets = np.empty((3, 2)), np.full(2, half[1])
-    for k in range(3):
-        normals[k, 0], normals[k, 1] = pose.rotations[geom, k, 2], -pose.rotations[geom, k, 2]
-        offsets += normals[k] * pose.positions[geom, k]
+    normals = np.empty((2, 3))
+    normals[0], normals[1] = pose.rotations[geom, :, 2], -pose.rotations[geom, :, 2]
+    offsets = half[1] + normals @ pose.positions[geom]
     before = gap.copy()
     enter(normals, offsets, lines, before[: len(gap) * int((before > upright).any())], gap, share, shift)
     for i in range(len(gap)):
@@ -325,18 +324,8 @@ def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
                 share[geom, cell] = 0.0
     if geoms > 1:
         unite(gap, share, shift)
-    count = 0
-    for geom in range(geoms):
-        for cell in range(cells):
-            count += share[geom, cell] > 0
-    which = np.empty((2, count), dtype=np.int64)
-    met = Cover(which[0], which[1], np.empty(count), np.empty(count), np.empty((2, count)))
-    count = 0
-    for geom in range(geoms):
-        for cell in range(cells):
-            if share[geom, cell] > 0:
-                met.cell[count], met.geom[count] = cell, geom
-                met.gap[count], met.share[count] = gap[geom, cell], share[geom, cell]
-                met.shift[0, count], met.shift[1, count] = shift[geom, 0, cell], shift[geom, 1, cell]
-                count += 1
-    return met
+    (found,) = np.nonzero(share.ravel() > 0)
+    shifts = np.empty((2, len(found)))
+    for axis in range(2):
+        shifts[axis] = shift[:, axis].copy().ravel()[found]
+    return Cover(found % cells, found // cells, gap.ravel()[found], share.ravel()[found], shifts)

@@ -24,14 +24,8 @@ _HOLD = 1e-6
 @compiled(called_from_python=False)
 def energy(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, motion: Reals1D) -> float:
     """Add up the layer's energy after a motion, with that of the load and of what holds turns, N mm."""
-    layer, hold = 0.0, _HOLD * weight.sum()
-    for i in range(len(gap)):
-        depth = -gap[i]
-        for j in range(len(motion)):
-            depth += motion[j] * basis[j, i]
-        if depth > 0:
-            layer += weight[i] * depth * depth / 2
-    return layer + hold * (motion[1:] ** 2).sum() / 2 - force * motion[0]
+    depth, hold = np.maximum(motion @ basis - gap, 0.0), _HOLD * weight.sum()
+    return (weight * depth * depth).sum() / 2 + hold * (motion[1:] ** 2).sum() / 2 - force * motion[0]
 
 
 @compiled(called_from_python=False)
@@ -62,28 +56,16 @@ def balance(gap: Reals1D, weight: Reals1D, basis: Reals2D, force: float, straigh
     the point in which the force acts. The depth is then motion @ basis - gap, or 0 where that is less.
     straight: mm, the approach without a turn, as `approach` finds it.
     """
-    motions, points = basis.shape
-    motion = np.zeros(motions)
-    motion[0] = straight
-    if motions == 1:
+    motion, hold = np.zeros(len(basis)), np.zeros(len(basis))
+    motion[0], hold[1:] = straight, _HOLD * weight.sum()
+    if len(motion) == 1:
         return motion
-    hold, slope, stiffness = np.zeros(motions), np.empty(motions), np.empty((motions, motions))
-    hold[1:] = _HOLD * weight.sum()
     now = energy(gap, weight, basis, force, motion)
     for _ in range(_MOST_STEPS):
-        slope[:] = hold * motion
+        depth = motion @ basis - gap
+        push = np.where(depth > 0, weight, 0.0) * basis
+        slope, stiffness = push @ depth + hold * motion, push @ basis.T + np.diag(hold)
         slope[0] -= force
-        stiffness[:] = np.diag(hold)
-        for i in range(points):
-            depth = -gap[i]
-            for j in range(motions):
-                depth += motion[j] * basis[j, i]
-            if depth > 0:
-                for j in range(motions):
-                    push = weight[i] * basis[j, i]
-                    slope[j] += push * depth
-                    for k in range(motions):
-                        stiffness[j, k] += push * basis[k, i]
         if np.abs(slope).max() <= _TOLERANCE * force:
             break
         step = -np.linalg.solve(stiffness, slope)

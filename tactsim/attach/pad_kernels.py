@@ -144,46 +144,23 @@ def unite(gap: Reals2D, share: Reals2D, shift: Reals3D) -> None:
 
 
 @compiled(called_from_python=False)
-def along(normals: Reals2D, face: int, vectors: Reals2D, i: int) -> float:
-    """Multiply a normal of (3, f) with a vector of (n, 3)."""
-    return (
-        normals[0, face] * vectors[i, 0] + normals[1, face] * vectors[i, 1] + normals[2, face] * vectors[i, 2]
-    )
-
-
-@compiled(called_from_python=False)
 def cut_by(
     normals: Reals2D, face: int, lines: Lines, line: int, outside: float
 ) -> tuple[float, float, float]:
     """Cut a cell by a face that is a wall, `outside` mm from the cell's middle: as `cut`."""
-    part = along(normals, face, lines.normals, line)
+    part = dot(normals, face, lines.normals, line)
     steep = math.sqrt(max(1 - part * part, SMALL))
-    across_u = along(normals, face, lines.span_u, line) / steep
-    return cut(outside, across_u, along(normals, face, lines.span_v, line) / steep)
-
-
-@compiled(called_from_python=False)
-def between(normals: Reals2D, face: int, other: int) -> float:
-    """Give the cosine of the angle between two of f normals (3, f)."""
-    x, y, z = normals[0, other], normals[1, other], normals[2, other]
-    return normals[0, face] * x + normals[1, face] * y + normals[2, face] * z
+    across_u = dot(normals, face, lines.span_u, line) / steep
+    return cut(outside, across_u, dot(normals, face, lines.span_v, line) / steep)
 
 
 @compiled(called_from_python=False)
 def project(normals: Reals2D, face: int, vectors: Reals2D, parts: Reals1D) -> None:
-    """Fill parts (k,) with those along a normal of (3, f) of vectors (3, k)."""
-    x, y, z = normals[0, face], normals[1, face], normals[2, face]
+    """Fill parts (k,) with those along a normal of (f, 3) of vectors (3, k)."""
+    x, y, z = normals[face, 0], normals[face, 1], normals[face, 2]
     along_x, along_y, along_z = vectors[0], vectors[1], vectors[2]
     for i in range(len(parts)):
         parts[i] = x * along_x[i] + y * along_y[i] + z * along_z[i]
-
-
-@compiled(called_from_python=False)
-def columns(vectors: Reals2D, parts: Reals2D) -> None:
-    """Put n vectors (n, 3) into the first n columns of parts (3, m)."""
-    for i in range(len(vectors)):
-        for k in range(3):
-            parts[k, i] = vectors[i, k]
 
 
 @compiled(ordered=False, called_from_python=False)
@@ -209,14 +186,14 @@ def enter(
 
     A wall that leans over the pad is farther out the deeper the surface lies in the body. What touches it there, less
     and less, adds up to what touches an upright wall that stands where this one is halfway up to the surface.
-    normals (3, f), offsets (f,) mm: the faces. before: (n,) mm where the line enters what else bounds the body, or
+    normals (f, 3), offsets (f,) mm: the faces. before: (n,) mm where the line enters what else bounds the body, or
     (0,). Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`.
     """
     points, ways, span_u, span_v = lines.points, lines.normals, lines.span_u, lines.span_v
     faces, own, bounded = len(offsets), len(ways) > 1, len(before) > 0
     lowest, highest = np.empty(faces), np.empty(faces)
     way, rates = np.empty((3, len(ways))), np.empty(len(ways))
-    columns(ways, way)
+    way[:] = ways.T
     for face in range(faces):
         project(normals, face, way, rates)
         lowest[face], highest[face] = ends(rates)
@@ -234,9 +211,9 @@ def enter(
         last, worst, entry = lasts[:size], worsts[:size], gap[start : start + size]
         last[:] = worst[:] = -1
         entry[:] = most[:] = -np.inf
-        columns(points[start : start + size], at)
+        at[:, :size] = points[start : start + size].T
         if own:
-            columns(ways[start : start + size], way)
+            way[:, :size] = ways[start : start + size].T
         for face in range(faces):
             if lowest[face] >= limit:
                 continue
@@ -284,27 +261,26 @@ def enter(
             # A second wall, across the first one (a corner) or behind it (a blade).
             second, farthest = -1, -np.inf
             for face in range(faces):
-                part = along(normals, face, ways, line)
-                if wall[face] and part >= limit and between(normals, first, face) < _ALIKE:
-                    outside = gap[i] * part + along(normals, face, points, i) - offsets[face]
+                part = dot(normals, face, ways, line)
+                if wall[face] and part >= limit and dot(normals, first, normals, face) < _ALIKE:
+                    outside = gap[i] * part + dot(normals, face, points, i) - offsets[face]
                     outside -= min(part, 0.0) * min(gap[i], 0.0) / 2
                     outside /= math.sqrt(max(1 - part * part, SMALL))
                     if outside > farthest:
                         second, farthest = face, outside
             if second >= 0:
                 further, moved_u, moved_v = cut_by(normals, second, lines, line, farthest)
-                if between(normals, first, second) < -_ALIKE:
+                if dot(normals, first, normals, second) < -_ALIKE:
                     share[i] = max(share[i] + further - 1, 0.0)
                 else:
                     share[i] *= further
                 shift[0, i] += moved_u
                 shift[1, i] += moved_v
             if not bounded:  # the gap in the middle of the covered part
-                slope_u = along(normals, last[k], span_u, line)
-                slope_v = along(normals, last[k], span_v, line)
-                gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / along(
-                    normals, last[k], ways, line
-                )
+                slope_u = dot(normals, last[k], span_u, line)
+                slope_v = dot(normals, last[k], span_v, line)
+                steepness = dot(normals, last[k], ways, line)
+                gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / steepness
 
 
 @compiled(called_from_python=False)

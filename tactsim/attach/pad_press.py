@@ -240,27 +240,17 @@ def press_cells(
     cells, du, dv, lines = rows * columns, u[1] - u[0], v[1] - v[0], lay_lattice(face, u, v)
     cover = union_gaps(body, pose, lines, face.depth + sunk)
     met, gap, shift = cover.cell, cover.gap, cover.shift
-    own, way, centre = len(lines.normals) > 1, load.direction, load.centre
+    line = met if len(lines.normals) > 1 else np.zeros_like(met)
     # A turn is measured in mm at half the length of what is looked at.
     length = max(du * columns, dv * rows) / 2
     turns = load.axes[load.spreads > _SPREAD * length] / length
-    basis, weight = np.empty((1 + len(turns), len(met))), np.zeros(len(met))
-    for i in range(len(met)):
-        line = met[i] if own else 0
-        x, y, z = lines.normals[line, 0], lines.normals[line, 1], lines.normals[line, 2]
-        basis[0, i] = x * way[0] + y * way[1] + z * way[2]
-        if basis[0, i] > _GRAZING:
-            weight[i] = taxels.stiffness * du * dv * lines.area[met[i]] * cover.share[i]
-        if len(turns) == 0:
-            continue
-        # normal . (turn cross offset), as (offset cross normal) . turn
-        at_x, at_y, at_z = lines.points[met[i], 0], lines.points[met[i], 1], lines.points[met[i], 2]
-        at_x += shift[0, i] * lines.span_u[line, 0] + shift[1, i] * lines.span_v[line, 0] - centre[0]
-        at_y += shift[0, i] * lines.span_u[line, 1] + shift[1, i] * lines.span_v[line, 1] - centre[1]
-        at_z += shift[0, i] * lines.span_u[line, 2] + shift[1, i] * lines.span_v[line, 2] - centre[2]
-        lever_x, lever_y, lever_z = at_y * z - at_z * y, at_z * x - at_x * z, at_x * y - at_y * x
-        for j in range(len(turns)):
-            basis[1 + j, i] = turns[j, 0] * lever_x + turns[j, 1] * lever_y + turns[j, 2] * lever_z
+    normals, basis = lines.normals[line], np.empty((1 + len(turns), len(met)))
+    basis[0] = normals @ load.direction
+    weight = taxels.stiffness * du * dv * lines.area[met] * cover.share * (basis[0] > _GRAZING)
+    if len(turns) > 0:
+        at = lines.points[met] - load.centre
+        at += shift[0].reshape(-1, 1) * lines.span_u[line] + shift[1].reshape(-1, 1) * lines.span_v[line]
+        basis[1:] = turns @ np.cross(at, normals).T  # normal . (turn cross offset)
     forces, moved = np.zeros(cells), np.zeros((2, cells))
     chosen = np.zeros(len(body.kind), dtype=np.bool_)
     chosen[cover.geom] = True
@@ -268,20 +258,13 @@ def press_cells(
         return Carried(forces.reshape(columns, rows), moved, u, v), chosen, pose, sunk, 0.0
     straight = approach(gap, weight, basis[0], load.force)
     motion = balance(gap, weight, basis, load.force, straight)
+    carried = weight * np.maximum(motion @ basis - gap, 0.0) * basis[0]
     for i in range(len(met)):
-        depth = -gap[i]
-        for j in range(len(motion)):
-            depth += motion[j] * basis[j, i]
-        if depth > 0:
-            carried = weight[i] * depth * basis[0, i]
-            forces[met[i]] += carried
-            moved[0, met[i]] += carried * shift[0, i]
-            moved[1, met[i]] += carried * shift[1, i]
+        forces[met[i]] += carried[i]
+        moved[0, met[i]] += carried[i] * shift[0, i]
+        moved[1, met[i]] += carried[i] * shift[1, i]
     moved /= np.maximum(forces, _NONE)
-    turn = np.zeros(3)
-    for j in range(len(turns)):
-        turn += motion[1 + j] * turns[j]
-    there = sunken(pose, load, motion[0], turn)
+    there = sunken(pose, load, motion[0], motion[1:] @ turns)
     return Carried(forces.reshape(columns, rows), moved, u, v), chosen, there, sunk + motion[0], straight
 
 

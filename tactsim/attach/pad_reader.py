@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from tactsim.attach.geom_gap import Body, body_of
 from tactsim.attach.pad_kernels import Taxels
 from tactsim.attach.pad_press import Contacts, Frames, press
-from tactsim.attach.pad_surface import PadSurface
+from tactsim.attach.pad_surface import PadSurface, matrix
 from tactsim.core.errors import InputError, counted, short
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
@@ -180,9 +180,7 @@ class PadReader:
 
     def frame_in_body(self) -> tuple[FloatArray, FloatArray]:
         """Return where the pad is in its body's frame: rotation (3, 3) and its middle (3,) mm."""
-        turned = np.empty(9)
-        mujoco.mju_quat2Mat(turned, self.model.geom_quat[self.geom])
-        geom = turned.reshape(3, 3)
+        geom = matrix(self.model.geom_quat[self.geom])
         return geom @ self.surface.axes, self.model.geom_pos[self.geom] * _MM + geom @ self.surface.origin
 
     def frame(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:

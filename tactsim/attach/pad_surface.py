@@ -146,6 +146,13 @@ def pad_surface(
     raise InputError(f"geom {name!r} is a {what}: a pad lies on a primitive or a mesh")
 
 
+def matrix(quat: FloatArray) -> FloatArray:
+    """Write a unit quaternion (4,), the real part first, as a rotation (3, 3)."""
+    turned = np.empty(9)
+    mujoco.mju_quat2Mat(turned, quat)
+    return turned.reshape(3, 3)
+
+
 def pad_axes(normal: FloatArray) -> FloatArray:
     """Lay a pad's axes into a frame in which it looks along `normal` (3,): (3, 3), columns x, y, z.
 

@@ -20,11 +20,12 @@ from tactsim.press.bed import Bed
 from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, TIPPED, Cells, Field, Layer, press_all
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.spread import contact_map
+from tactsim.press.touches import TIPPED as TIPS_OVER
 from tactsim.press.touches import Pressed, Touches
 
 _REASONS = {
     BURIED: "it sinks in by more than its height, so the pad would meet what it stands on",
-    TIPPED: "it tips over; the wrist is too soft for the force, or the contact too far from the pad's middle",
+    TIPPED: TIPS_OVER,
 }
 
 

@@ -201,12 +201,19 @@ def _ideal(
     with process_map(min(jobs, worth)) as mapped:
         for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(piece)
+            _refuse_blanks(wanted[name], pressed[name])
             work.update(of_piece)
             done += len(piece.readings)
             if progress is not None:
                 progress(done, total)
     for name, pieces in pressed.items():
-        ideal[name] = _whole(wanted[name], pieces)
+        blanks = {
+            number * _CHUNK + row: reason
+            for number, piece in enumerate(pieces)
+            for row, reason in piece.blanks.items()
+        }
+        moving = tuple(press for piece in pieces for press in piece.moving)
+        ideal[name] = _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, moving)
         if cache and not ideal[name].blanks:  # a file of the cache has no room for reasons
             cached.store(name[0], ideal[name].readings)
     if cache and wanted:
@@ -214,22 +221,15 @@ def _ideal(
     return [ideal[name] for name in names], work
 
 
-def _whole(batch: _Batch, pieces: Sequence[_Ideal]) -> _Ideal:
-    """Put a batch together. Raises InputError if too many of its presses are blank."""
-    blanks = {
-        number * _CHUNK + row: reason
-        for number, piece in enumerate(pieces)
-        for row, reason in piece.blanks.items()
-    }
-    count = len(batch.touches)
-    if len(blanks) > MOST_BLANKS * count:
-        reason = Counter(blanks.values()).most_common(1)[0][0]
+def _refuse_blanks(batch: _Batch, pieces: Sequence[_Ideal]) -> None:
+    """Raise InputError as soon as too many of a batch's presses are blank for the whole of it."""
+    reasons = Counter(reason for piece in pieces for reason in piece.blanks.values())
+    if reasons.total() > MOST_BLANKS * len(batch.touches):
+        done = sum(len(piece.readings) for piece in pieces)
         raise InputError(
-            f"{len(blanks)} of {count} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
-            f"{MOST_BLANKS:.0%} at most: {reason}"
+            f"{reasons.total()} of {done} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
+            f"{MOST_BLANKS:.0%} at most: {reasons.most_common(1)[0][0]}"
         )
-    moving = tuple(press for piece in pieces for press in piece.moving)
-    return _Ideal(np.concatenate([piece.readings for piece in pieces]), blanks, moving)
 
 
 def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # rad, 20 degrees: what tilts further has tipped over; `facet_kernels.STEEPEST`, held by a test
 MOST_TILT = 0.35
-TIPPED = "the wrist gives way until it tips over; press with less force or a stiffer wrist"
+TIPPED = "it tips over; the wrist is too soft for the force, or the contact too far from the pad's middle"
 
 
 class UnsettledError(InputError):

@@ -19,12 +19,10 @@ from tactsim.core.errors import InputError
 
 PAD = Pad()
 # Without gaps and, where it is pressed so, without point spread, the taxels' sum is the force.
-TIGHT = Pad(taxel_width=1.9, taxel_height=1.9, seam=None, unread_columns=0)
+TIGHT = Pad(taxel_width=1.9, taxel_height=1.9)
 TAXEL = 1.9 * 1.9 / 1e3  # N for a kPa
 # The same with 738 taxels.
-WIDE = Pad(
-    rows=18, columns=41, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
-)
+WIDE = Pad(rows=18, columns=41, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1)
 
 
 def turned(angle):

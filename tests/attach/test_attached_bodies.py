@@ -195,9 +195,7 @@ def test_a_pad_on_the_tip_of_a_long_mesh_ends_where_its_sides_begin():
     spec = mujoco.MjSpec.from_string(
         f'<mujoco><asset>{mesh_of(places)}</asset><worldbody><geom type="mesh" mesh="tip"/></worldbody></mujoco>'
     )
-    pad = Pad(
-        rows=2, columns=2, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1, seam=None, unread_columns=0
-    )
+    pad = Pad(rows=2, columns=2, pitch_x=1, pitch_y=1, taxel_width=1, taxel_height=1)
     skin = tactsim.press.attach(spec, spec.geoms[0], pad)
     face = skin.bind(spec.compile()).surface.face
     np.testing.assert_allclose([*face.low, *face.high], [-5, -5, 5, 5], atol=0.05)

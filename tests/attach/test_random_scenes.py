@@ -8,16 +8,7 @@ from attached_scenes import ball, errors, image, springs
 import tactsim
 from tactsim import Pad
 
-PAD = Pad(
-    rows=6,
-    columns=6,
-    pitch_x=2.0,
-    pitch_y=2.0,
-    taxel_width=1.9,
-    taxel_height=1.9,
-    seam=None,
-    unread_columns=0,
-)
+PAD = Pad(rows=6, columns=6, pitch_x=2.0, pitch_y=2.0, taxel_width=1.9, taxel_height=1.9)
 
 
 def heights(model, data, x, y):
@@ -156,16 +147,7 @@ def test_a_geom_that_is_fitted_to_a_mesh_carries_a_pad_where_the_file_says(corne
     spec = mujoco.MjSpec.from_string(f"""
         <mujoco><asset><mesh name="m" vertex="{words}"/></asset><worldbody><body name="tip" euler="10 20 30">
           <geom name="g" type="{kind}" mesh="m" euler="40 0 70"/></body></worldbody></mujoco>""")
-    small = Pad(
-        rows=2,
-        columns=2,
-        pitch_x=1,
-        pitch_y=1,
-        taxel_width=0.9,
-        taxel_height=0.9,
-        seam=None,
-        unread_columns=0,
-    )
+    small = Pad(rows=2, columns=2, pitch_x=1, pitch_y=1, taxel_width=0.9, taxel_height=0.9)
     skin = tactsim.press.attach(spec, "g", small, normal=normal)
     plain = mujoco.MjSpec.from_string("""
         <mujoco><worldbody><body euler="10 20 30"><geom type="box" size=".1 .1 .1" euler="40 0 70"/></body>

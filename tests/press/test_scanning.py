@@ -126,7 +126,7 @@ def test_blanks_are_not_forgotten_by_the_cache():
 @pytest.mark.long
 def test_too_many_blanks_are_refused():
     options = level_scan(letters=("O",), press=level_press(wrist_stiffness=2.0))
-    with pytest.raises(InputError, match=r"\d+ of 192 presses of 'O' .* 5% at most: .*stiffer wrist"):
+    with pytest.raises(InputError, match=r"\d+ of 64 presses of 'O' .* 5% at most: .*wrist is too soft"):
         scan_letters(options, cache=False)
 
 
