@@ -114,7 +114,7 @@ class Run:
         if share <= _MUCH_REFUSED:
             return None
         return (
-            f"{share:.0%} of the trials of a known {self.kind.thing} end in {NONE!r}: readings differ from those of "
+            f"{share:.0%} of the trials of a known {self.thing} end in {NONE!r}: readings differ from those of "
             "training, say in their load; take training presses of every load, or do without `unknown`"
         )
 
@@ -124,11 +124,7 @@ class Run:
         stop_at, touches = self.config.get("stop_at"), self.summary["touches"]
         if stop_at is None and touches == self.readings:
             return None
-        rule = (
-            ""
-            if stop_at is None
-            else f" when the most probable {self.kind.thing} had p of {stop_at:g} or more"
-        )
+        rule = "" if stop_at is None else f" when the most probable {self.thing} had p of {stop_at:g} or more"
         return (
             f"a trial ended{rule}: after {touches:.1f} touches on average, {self.summary['accuracy'][-1]:.2f} right "
             "then; later figures repeat its last answer"
@@ -138,7 +134,7 @@ class Run:
     def cautions(self) -> list[str]:
         """List what a reader should know before trusting the figures, a line each."""
         alone = self.about.get("alone")
-        said = alone and f"nothing to tell apart: {alone} is the only {self.kind.thing} that is known"
+        said = alone and f"nothing to tell apart: {alone} is the only {self.thing} that is known"
         lines = [line for line in (said, self.ended, self.badly_explained, self.refusing) if line]
         return lines + self.kind.cautions(self)
 
@@ -172,6 +168,11 @@ class Run:
     def kind(self) -> Kind:
         """The kind of run: letters in the plane, or another one."""
         return kinds.load(self.trials.kind)
+
+    @property
+    def thing(self) -> str:
+        """What is recognised: a letter where all are, else an object."""
+        return self.kind.thing if all(len(label) == 1 for label in self.letters) else "object"
 
     @property
     def on_demand(self) -> bool:

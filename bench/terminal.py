@@ -137,7 +137,7 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(line, style="bold")
     rows = _rows(run.readings, ROWS) if verbose else _rows(run.readings)
     console.print(_table(run, rows, verbose))
-    right = f"right: share of the trials that name the {run.kind.thing}"
+    right = f"right: share of the trials that name the {run.thing}"
     console.print(f"{right}; error: how far from its true place they put it, mean over those named rightly")
     k = min(5, run.readings)
     for name in (Path(path).stem for path in run.config.get("shapes") or ()):

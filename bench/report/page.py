@@ -110,7 +110,7 @@ def _how(metric: Metric) -> dict[str, Any]:
 
 def _headlines(readings: int) -> list[str]:
     """List the figures of the table that a task begins with."""
-    last = ("accuracy@{}", *_WHOLE, "error_mm@{}", "ms", "evaluations@{}")
+    last = ("accuracy@{}", *_WHOLE, "error_mm@{}", "ms")
     return [
         *(f"accuracy@{k}" for k in _SEEN if k < readings), *(figure.format(readings) for figure in last)
     ]  # fmt: skip

@@ -232,9 +232,9 @@ class Group:
 
     @property
     def thing(self) -> str:
-        """Say what is recognised: letters, or objects of the user's own."""
-        labels = {label for entry in self.entries for label in entry.run.letters}
-        return "letter" if all(len(label) == 1 for label in labels) else "object"
+        """Say what is recognised, see `Run.thing`."""
+        found = {entry.run.thing for entry in self.entries}
+        return found.pop() if len(found) == 1 else "object"
 
     @property
     def readings(self) -> int:
