@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.live import Live
 from terminal import Screen as Terminal
 
-from tactsim.bench.pad.guide_screen import Screen
+from tactsim.bench.pad.guided import Screen
 from tactsim.bench.watching import PadView
 from tactsim.core.pad import Pad
 from tactsim.hardware.recording import Kind, RecordReader

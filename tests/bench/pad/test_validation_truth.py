@@ -10,9 +10,8 @@ import tomli_w
 from tactsim import models
 from tactsim.bench.cli.cmd_validate import verdict
 from tactsim.bench.config import scan_options
-from tactsim.bench.pad.fitted_world import clipped, fitted_world, stated_world
 from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
-from tactsim.bench.pad.validation import means, numbers_of_copies
+from tactsim.bench.pad.validation import clipped, fitted_world, means, numbers_of_copies, stated_world
 from tactsim.core import Pad, Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
