@@ -110,7 +110,7 @@ def command_probe(
     except SourceError:
         with suppress(SourceError, OSError), open_text(port[0].removeprefix("recording:")) as text:
             heard.received(0, text.read(_KEPT).encode(), 0.0)
-            heard.ask(port[0], named, heard.show(as_bytes=False))
+            heard.explain(port[0], named, as_bytes=False)
         raise
     with opened as source:
         readings = []
@@ -123,11 +123,11 @@ def command_probe(
             pass
         except NoReading:
             if not readings:
-                heard.ask(port[0], named, heard.show())
+                heard.explain(port[0], named)
                 raise
         counters = source.counters.as_dict()
     if not readings:
-        heard.ask(port[0], named, heard.show())
+        heard.explain(port[0], named)
         raise NoReading(f"{port[0]} has no readings")
     values = np.array([reading.pressures for reading in readings])
     times = [
@@ -175,23 +175,11 @@ class _Heard:
     def lost(self, link: int, time: float) -> None:
         """Ignore a lost link."""
 
-    @staticmethod
-    def ask(port: str, named: bool, shown: bool | None) -> None:
-        """Raise InputError that asks for the pad where nobody named one, and what came is known (`show`)."""
-        if named or shown is None:
-            return
-        if not shown:
-            raise InputError(f"{port}: no device file reads what came as it is; above is why")
-        raise InputError(
-            f"{port}: no device file says of which pad it is; keep the one above, fill in what its owner "
-            "knows, and name it: --device FILE.toml"
-        )
-
-    def show(self, as_bytes: bool = True) -> bool | None:
+    def explain(self, port: str, named: bool, as_bytes: bool = True) -> None:
         """Print the first bytes in lines of 16, as numbers and as text; of lines, also how they would be read.
 
-        The device file goes to standard output, unless that is for JSON. Returns whether one was printed; None if
-        nothing is known of the bytes.
+        The device file goes to standard output, unless that is for JSON. Raises InputError that asks for it where
+        nobody has `named` a pad, and what came is known.
         """
         from tactsim.hardware.codecs.fields import packing_of
         from tactsim.hardware.codecs.lines import guess_lines, is_text
@@ -214,8 +202,14 @@ class _Heard:
                 "behind a header such as AA 55.\n",
                 err=True,
             )
-        known = packing is not None or is_text(self._first)
-        return guess is not None and guess.read if known else None
+        if named or (packing is None and not is_text(self._first)):
+            return
+        if guess is None or not guess.read:
+            raise InputError(f"{port}: no device file reads what came as it is; above is why")
+        raise InputError(
+            f"{port}: no device file says of which pad it is; keep the one above, fill in what its owner knows, and "
+            "name it: --device FILE.toml"
+        )
 
 
 def command_tare(

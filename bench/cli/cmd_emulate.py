@@ -131,6 +131,7 @@ def _record(
     """Record what a robot presses by its plan."""
     import numpy as np
 
+    from tactsim.bench.pad.guided import segment
     from tactsim.bench.places import check_new_file
     from tactsim.core.files import replacing
     from tactsim.hardware.codecs.pps_csv import CsvFormat
@@ -163,7 +164,7 @@ def _record(
     else:
         recorder = Recorder(out)
         try:
-            recorder.segment(pads.segment(device, [f"emulated:{plan}"], None), 0.0)
+            recorder.segment(segment(device, [f"emulated:{plan}"], None), 0.0)
             record(emulated, seconds, lambda data, time: recorder.received(0, data, time), faults, rng)
             recorder.end({}, seconds)
         except BaseException:  # half of what the plan says is of no use

@@ -113,7 +113,7 @@ def _record_session(
 ) -> None:
     from tactsim.bench.console import plain_console
     from tactsim.bench.pad import known_letter, taken_as_letters, with_letters, with_objects
-    from tactsim.bench.pad.guided import record
+    from tactsim.bench.pad.guided import Station, record
     from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
     from tactsim.hardware.scans import scan_of_sessions
@@ -126,7 +126,7 @@ def _record_session(
             "and x axis alone; --shape FILE draws an object",
             soft_wrap=True,
         )
-    station = pads.station(port, device, calibration, seen, console)
+    station = Station(port, device, calibration, seen == "behind", console)
     sitting = record(station, plan, journal, resume=resume, pressed=pressed)
     console.print(pads.counters_line(sitting.counters))
     if not sitting.done:
@@ -148,7 +148,7 @@ def _record_all(
     import time
 
     from tactsim.bench.console import plain_console
-    from tactsim.bench.pad.guided import open_recorded
+    from tactsim.bench.pad.guided import open_recorded, segment
     from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.recording import Recorder
 
@@ -156,7 +156,7 @@ def _record_all(
     count, silence = 0, None
     with Recorder(out) as recorder:
         start = time.monotonic()
-        recorder.segment(pads.segment(device, port, calibration), start)
+        recorder.segment(segment(device, port, calibration), start)
         with open_recorded(port, device, calibration, recorder, new=True) as source:
             try:
                 while seconds is None or time.monotonic() - start < seconds:

@@ -92,12 +92,14 @@ def command_run(
         plain_console(stderr=True).print(f"{look}: {why}")
     folder = results_folder(out, config.estimator)
     if port is not None:
+        from tactsim.bench.pad.guided import Station
+
         assert isinstance(config, RunConfig)  # a task has readings of its own
         if config.presses is None:
             config = run_config(**words, presses=folder.with_name(f"{folder.name}.presses"))
         described, correction = pads.load(device, calibration)
         settings = pads.plan_settings(port, described, correction, frames, force, patience)
-        station = pads.station(port, described, correction, seen, plain_console(stderr=as_json))
+        station = Station(port, described, correction, seen == "behind", plain_console(stderr=as_json))
         if not _measured(config, station, settings):
             return
     if config.shapes and isinstance(config, RunConfig):

@@ -253,11 +253,7 @@ def _show_recognition(console: Console, result: Validation) -> None:
             accuracy, error = figures["accuracy"], figures["error_mm"]
             shares = [f"{accuracy[touch - 1]:.2f}" if touch <= len(accuracy) else "-" for touch in TOUCHES]
             table.add_row(
-                name, _TRAINED[side], *shares, _reached(figures["touches_to_95"]),
+                name, _TRAINED[side], *shares, str(figures["touches_to_95"] or "later"),
                 "-" if error is None else f"{error:.2f}",
             )  # fmt: skip
     console.print(table)
-
-
-def _reached(touches: int | None) -> str:
-    return "later" if touches is None else str(touches)

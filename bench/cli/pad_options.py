@@ -13,9 +13,6 @@ from tactsim.bench.console import rounded as rounded
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from tactsim.bench.pad.guided import Station
     from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
@@ -69,22 +66,6 @@ def played(source: Source, device: Device) -> tuple[Source, Device]:
     from tactsim.hardware.sources import Paced
 
     return (Paced(source), source.device) if isinstance(source, Replay | CsvReplay) else (source, device)
-
-
-def segment(device: Device, ports: list[str], calibration: Calibration | None, **more: Any) -> dict[str, Any]:
-    """Describe a segment of a recording: the device, its calibration and ports, and the versions."""
-    from datetime import UTC, datetime
-
-    from tactsim.bench.machine import versions
-
-    return {
-        "device": device.as_json(),
-        "calibration": None if calibration is None else calibration.model_dump(mode="json"),
-        "urls": list(ports),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": versions(),
-        **more,
-    }
 
 
 def counters_line(counters: dict[str, int]) -> str:
@@ -148,18 +129,6 @@ def plan_settings(
     if ports == [simulated_hand.PLACE]:
         settings |= simulated_hand.settings() | ({} if patience is None else {"patience": patience})
     return settings
-
-
-def station(
-    ports: list[str], device: Device, calibration: Calibration | None, seen: Side, console: Console
-) -> Station:
-    """Describe where a person presses."""
-    from tactsim.bench.pad.guided import Station
-
-    def segment_of(plan: Any, tare: Calibration | None) -> dict[str, Any]:
-        return segment(device, ports, tare, plan=plan.model_dump(mode="json"))
-
-    return Station(ports, device, calibration, segment_of, seen == "behind", console)
 
 
 def _force(text: str) -> tuple[float, float]:

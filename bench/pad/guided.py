@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from tactsim.bench.machine import versions
 from tactsim.bench.pad import known_letter, poses_to_press, recording_of
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
 from tactsim.bench.watching import PadReader, PadView
@@ -52,16 +54,18 @@ _NUMBERS = re.compile(r"[\d.,]+")  # a message that differs in numbers alone is 
 class Station:
     """Where a person presses: the pad, and how they look at it.
 
-    ports: where the pad is. segment(plan, calibration): what a recording says of a sitting (`cli.pad_options.segment`).
-    from_behind: whether the object's back is seen as it is pressed.
+    ports: where the pad is. from_behind: whether the object's back is seen as it is pressed.
     """
 
     ports: list[str]
     device: Device
     calibration: Calibration | None
-    segment: Callable[[Plan, Calibration | None], Mapping[str, Any]]
     from_behind: bool
     console: Console
+
+    def segment(self, plan: Plan) -> dict[str, Any]:
+        """Describe a sitting for its recording."""
+        return segment(self.device, self.ports, self.calibration, plan=plan.model_dump(mode="json"))
 
 
 @dataclass(frozen=True)
@@ -131,7 +135,7 @@ def record(
             recorder.mark(tare.model_dump(mode="json"), time.monotonic())
 
         leader = Leader(session, first, note)
-        recorder.segment(station.segment(plan, station.calibration), time.monotonic())
+        recorder.segment(station.segment(plan), time.monotonic())
         with _open(station, leader, recorder, pressed, new=not resume) as source:
             screen.taxel_xy, places = source.taxel_xy, taxels_of(source)
             session.called = lambda k: station.device.called(int(places[k]))
@@ -171,6 +175,18 @@ def _open(station: Station, leader: Leader, recorder: Recorder, pressed: Letter 
         hand = SimulatedHand(pressed or letter(plan.label), np.array(plan.poses), station.device, seed=0)
         hand.asked = leader.asked
         return Recorded(hand, recorder)
+
+
+def segment(device: Device, ports: list[str], calibration: Calibration | None, **more: Any) -> dict[str, Any]:
+    """Describe a segment of a recording: the device, its calibration and ports, and the versions."""
+    return {
+        "device": device.as_json(),
+        "calibration": None if calibration is None else calibration.model_dump(mode="json"),
+        "urls": list(ports),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": versions(),
+        **more,
+    }
 
 
 def open_recorded(

@@ -62,7 +62,7 @@ class WebPage:
         token = secrets.token_hex(8)
         handler = type("Handler", (_Handler,), {
             "reader": reader, "page": _page(reader, from_behind, {**(about or {}), "page": token}),
-            "more": staticmethod(more or _nothing), "token": token,
+            "more": staticmethod(more or (lambda sent: {})), "token": token,
             "commands": {"tare": reader.tare, **(commands or {})},
         })  # fmt: skip
         try:
@@ -193,10 +193,6 @@ class _Handler(BaseHTTPRequestHandler):
                 return
             pause = max(_FASTEST_S, len(content) / _BYTES_PER_S)
             time.sleep(pause)
-
-
-def _nothing(sent: dict[str, int]) -> dict[str, Any]:
-    return {}
 
 
 def _page(reader: PadReader, from_behind: bool, about: Mapping[str, Any]) -> bytes:

@@ -58,7 +58,7 @@ const button = (text, key, action, more) => h("button", {
   },
 }, text);
 const freezeButton = button("Freeze", "f", freeze, { "aria-pressed": "false" });
-const mirror = button("Seen from behind", "m", () => {
+const mirror = button("As seen from above", "m", () => {
   mirrored = !mirrored;
   mirror.setAttribute("aria-pressed", String(mirrored));
   dirty = true;

@@ -69,7 +69,7 @@ def test_a_click_takes_a_tare_and_the_pointer_reads_a_taxel(opened, source, fed)
     box = page.locator("#picture").bounding_box()
     page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.93 * box["height"])
     expect(page.locator("#readout")).to_contain_text(re.compile(r"taxel 0\b.*, row 0, column 0"))
-    page.get_by_role("button", name="Seen from behind").click()
+    page.get_by_role("button", name="As seen from above").click()
     page.mouse.move(box["x"] + 0.93 * box["width"], box["y"] + 0.92 * box["height"])
     expect(page.locator("#readout")).to_contain_text(re.compile(r"taxel 5\b.*, row 0, column 5"))
 
