@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from io import BufferedReader, TextIOWrapper
@@ -23,7 +23,7 @@ from tactsim.core.reading import Reading
 from tactsim.core.source import Log, Source, SourceEnded, SourceError
 from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import Frame
-from tactsim.hardware.codecs.lines import LinesFormat, is_text
+from tactsim.hardware.codecs.lines import LinesFormat, is_text, numbers_in, split_line
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
 from tactsim.hardware.device import Device
 from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole
@@ -264,7 +264,7 @@ class CsvReplay(Source):
         in a file that begins with its first frame.
         """
         clock, now, begin, waiting = DeviceClock(1.0, _HALF_DAY), None, b"\n", ""
-        for text in self._texts:
+        for text in _ended(self._texts):
             garbage, restarts, stamp = self.counters.garbage_bytes, clock.restarts, _STAMP.match(text)
             if stamp:
                 hours, minutes, seconds = (float(re.sub("[:,]", ".", part)) for part in stamp.groups())
@@ -272,7 +272,9 @@ class CsvReplay(Source):
                 if clock.restarts > restarts:
                     self._stream.lost(0, now)
             line = text[stamp.end() if stamp and "skip" not in codec.before else 0 :].encode()
-            line, begin = (b"" if codec.before or stamp else begin) + line, b""
+            fields = split_line(line, codec.decimal) if begin else []
+            of_rows = 0 < len(fields) < codec.taxels and numbers_in(fields, codec.base) is not None
+            line, begin = (b"" if codec.before or stamp else begin * (1 + of_rows)) + line, b""
             if self._log is not None:
                 self._log.received(0, line, now or 0.0)
             received = self._stream.received(0, line, now or 0.0)
@@ -301,6 +303,15 @@ class CsvReplay(Source):
             reading = self._stream.join(0, Frame(values, address=address), 0.0, 0.0, 0.0)
             if reading is not None:
                 yield replace(reading, host_time=0.0)
+
+
+def _ended(texts: Iterable[str]) -> Iterator[str]:
+    """Give lines, and behind the last one that is whole an empty one, which ends the rows of a frame."""
+    text = ""
+    for text in texts:
+        yield text
+    if text.endswith("\n") and text.strip():
+        yield "\n"
 
 
 def open_text(path: str | Path) -> TextIOWrapper:

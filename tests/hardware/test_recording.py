@@ -398,6 +398,16 @@ LAID = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("between", "first"), [("\n", ""), ("-----\n", ""), ("\n", "\n"), ("Frame:\n", "Frame:\n")]
+)
+def test_the_first_and_the_last_frame_of_rows_are_read(tmp_path, between, first):
+    frames = (f"{k} 9\n{k + 2} 7\n" for k in range(30))
+    (tmp_path / "a.txt").write_text(first + between.join(frames))
+    with open_source([f"recording:{tmp_path / 'a.txt'}"], LINES) as source:
+        assert [reading.pressures.tolist() for reading in source] == [[k, 9, k + 2, 7] for k in range(30)]
+
+
 @pytest.mark.parametrize(("text", "said"), LAID)
 def test_frames_without_times_are_all_read_however_their_numbers_are_laid_in_lines(tmp_path, text, said):
     (tmp_path / "a.txt").write_text(text)
