@@ -145,6 +145,7 @@ def command_submit(
     from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, figures_of, write_bundle
     from tactsim.bench.leaderboard.submit import Method, submit
     from tactsim.bench.results import to_json
+    from tactsim.bench.runs.pooled import cell
     from tactsim.bench.tasks import task as read_task
     from tactsim.bench.terminal import progress_bars
 
@@ -170,8 +171,8 @@ def command_submit(
         else:
             console = plain_console()
             console.print(f"{bundle.method} on {bundle.task}", style="bold")
-            for figure, value in scored.items():
-                console.print(f"{figure}  {'-' if value is None else f'{value:.4g}'}")
+            for figure in scored:
+                console.print(f"{figure}  {cell(bundle.pooled, figure)}")
             console.print(f"status  {bundle.status}")
             if place is not None:
                 console.print(f"bundle  {place}")

@@ -25,6 +25,7 @@ from tactsim.bench.report.picture import alone, look
 from tactsim.bench.runs.figures import draw_frontier, plain_log
 from tactsim.bench.runs.pooled import cell
 from tactsim.bench.runs.tables import heading
+from tactsim.core.errors import InputError
 from tactsim.core.files import KeptBeside, new_folder, write_text
 
 _ASSETS = "leaderboard/assets/"
@@ -36,6 +37,8 @@ FIGURES = ("task", "task_data", "method", "estimator", "file", "status", "rank_b
 
 def check_out(out: Path) -> None:
     """Raise InputError unless a site can be made at `out`: in a new folder, or in the place of a site."""
+    if out.suffix == ".html":
+        raise InputError(f"{out}: a site is a folder, with index.html and all bundles; give its name")
     if not (out / _MARK).is_file():
         check_new_folder(out)
 

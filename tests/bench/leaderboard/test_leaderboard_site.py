@@ -155,6 +155,7 @@ def test_the_command_says_where_the_site_is_and_what_could_not_be_read(folder, h
     (tmp_path / "mine" / "cut.tar.xz").unlink()
     assert here("leaderboard", "mine").returncode == 0
     refused(here("leaderboard", "mine/site", "--out", "other"), "mine/site holds no bundle (*.tar.xz)")
+    refused(here("leaderboard", "mine", "--out", "board.html"), "a site is a folder")
     assert not (tmp_path / "other").exists()
 
 
