@@ -32,6 +32,8 @@ def test_a_run_prints_its_table_and_leaves_its_folder_and_its_page(here, tmp_pat
         "run.json", "trials.csv", "times.csv", "summary.json", "times.json", "objects.npz", "touches.png"
     }  # fmt: skip
     assert "remark" not in here("report", "here", "--out", "page.html").stderr
+    for words in (("--width", "3.4in"), ("--panel", "error"), ("--no-caption",)):
+        refused(here("report", "here", "--out", "narrow.html", *words), words[0], "letters in the plane")
     assert len((tmp_path / "page.html").read_text()) > 10_000
 
 
@@ -96,7 +98,7 @@ def test_python_does_what_the_command_line_does():
 
 def test_runs_in_the_plane_and_in_space_share_no_comparison_and_no_page(here):
     plane, space = (Path(__file__).parents[1] / "fixtures" / "v0.1" / name for name in ("run", "solids"))
-    refused(here("compare", plane, space), "the other of kind solids")
+    refused(here("compare", plane, space), "the other solids")
     refused(here("report", plane, space, "--out", "page.html"), "make two")
 
 
