@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import is_typed
+from tactsim.bench.console import plain_console
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ def command_devices(as_json: shared.AsJson = False) -> None:
     import json
 
     from rich.table import Table
-
-    from tactsim.bench.console import plain_console
 
     found = _found()
     if as_json:
@@ -85,7 +84,7 @@ def command_probe(
     port: pads.Port,
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
-    seconds: Annotated[float, shared.number("How long to listen.", least=0.1)] = 2.0,
+    seconds: float = shared.number("How long to listen.", default=2.0, least=0.1),
     seen: pads.Seen = "behind",
     as_json: shared.AsJson = False,
 ) -> None:
@@ -96,7 +95,6 @@ def command_probe(
 
     import numpy as np
 
-    from tactsim.bench.console import plain_console
     from tactsim.core.source import NoReading, SourceEnded, SourceError
     from tactsim.hardware.calibration import force
     from tactsim.hardware.recorded import open_text
@@ -214,29 +212,20 @@ class _Heard:
 
 def command_tare(
     port: pads.Port,
-    out: Annotated[Path, typer.Option(help="The calibration file to write, .toml.")],
+    out: Path = typer.Option(..., help="The calibration file to write, .toml."),
     device: pads.DeviceName = "emulated",
-    frames: Annotated[
-        int, typer.Option(min=40, max=100_000, help="Frames that the zero is the median of.")
-    ] = 100,
-    calibration: Annotated[
-        Path | None, typer.Option(help="With --load: the tare that the gains are added to.")
-    ] = None,
-    load: Annotated[
-        str | None,
-        typer.Option(
-            help="An even load lies on the pad now: its pressure in kPa, or 'even' if that is not known. "
-            "Fits the taxels' gains."
-        ),
-    ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace the file, such as this morning's tare.")
-    ] = False,
+    frames: int = typer.Option(100, min=40, max=100_000, help="Frames that the zero is the median of."),
+    calibration: Path | None = typer.Option(None, help="With --load: the tare that the gains are added to."),
+    load: str | None = typer.Option(
+        None,
+        help="An even load lies on the pad now: its pressure in kPa, or 'even' if that is not known. "
+        "Fits the taxels' gains.",
+    ),
+    force: bool = typer.Option(False, "--force", help="Replace the file, such as this morning's tare."),
 ) -> None:
     """Calibrate a pad: nothing may touch it, or, with --load, an even load must lie on it."""
     import numpy as np
 
-    from tactsim.bench.console import plain_console
     from tactsim.bench.pad.simulated_hand import touch_above
     from tactsim.bench.places import check_new_file
     from tactsim.bench.watching.watch_screen import counters_shown

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
-from tactsim.bench.config import whole_number
+from tactsim.bench.config import scan_options, whole_number
+from tactsim.bench.console import plain_console
+from tactsim.bench.places import check_new_file
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,45 +26,35 @@ if TYPE_CHECKING:
 def command_record(
     context: typer.Context,
     port: pads.Port,
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="With --letter or --shape: the scan to write, .npz, its recording beside it. Else the recording, "
-            ".tactrec."
-        ),
-    ],
-    letter: Annotated[
-        str | None,
-        typer.Option(
-            help="The letter to press, or a label of your own: leads through its 4 x 4 x 12 presses."
-        ),
-    ] = None,
-    shape_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--shape",
-            help="An object of your own to press, a drawing or mesh whose name is the label: leads through the presses "
-            "of the grid that touch it.",
-        ),
-    ] = None,
-    split: Annotated[str, typer.Option(help="What the presses are for: train or test.")] = "train",
+    out: Path = typer.Option(
+        ...,
+        help="With --letter or --shape: the scan to write, .npz, its recording beside it. Else the recording, "
+        ".tactrec.",
+    ),
+    letter: str | None = typer.Option(
+        None, help="The letter to press, or a label of your own: leads through its 4 x 4 x 12 presses."
+    ),
+    shape_file: Path | None = typer.Option(
+        None,
+        "--shape",
+        help="An object of your own to press, a drawing or mesh whose name is the label: leads through the presses "
+        "of the grid that touch it.",
+    ),
+    split: str = typer.Option("train", help="What the presses are for: train or test."),
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
-    resume: Annotated[bool, typer.Option(help="Go on with a session that was stopped.")] = False,
-    poses: Annotated[
-        str,
-        typer.Option(
-            help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
-        ),
-    ] = "grid",
+    resume: bool = typer.Option(False, help="Go on with a session that was stopped."),
+    poses: str = typer.Option(
+        "grid", help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
+    ),
     frames: pads.Frames = 20,
     force: pads.Force = "0.3:20",
     patience: pads.Patience = None,
     seen: pads.Seen = "behind",
-    seconds: Annotated[
-        float | None, shared.number("Without --letter: for how long. Default: till Ctrl-C.", least=0.1)
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of poses that are drawn.")] = 0,
+    seconds: float | None = shared.number(
+        "Without --letter: for how long. Default: till Ctrl-C.", default=None, least=0.1
+    ),
+    seed: int = typer.Option(0, min=0, help="Seed of poses that are drawn."),
 ) -> None:
     """Record a pad: with --letter or --shape a guided session that makes a scan, else all it says."""
     from tactsim.models import shape
@@ -111,10 +103,8 @@ def _record_session(
     seen: pads.Side,
     pressed: Letter | None,
 ) -> None:
-    from tactsim.bench.console import plain_console
     from tactsim.bench.pad import known_letter, taken_as_letters, with_letters, with_objects
     from tactsim.bench.pad.guided import Station, record
-    from tactsim.bench.places import check_new_file
     from tactsim.hardware.recording import SUFFIX
     from tactsim.hardware.scans import scan_of_sessions
 
@@ -147,7 +137,6 @@ def _record_all(
 ) -> None:
     import time
 
-    from tactsim.bench.console import plain_console
     from tactsim.bench.pad.guided import open_recorded, segment
     from tactsim.core.source import NoReading, SourceEnded
     from tactsim.hardware.recording import Recorder
@@ -224,22 +213,17 @@ def _poses(
 
 
 def command_template(
-    out: Annotated[Path, typer.Option(help="The file to write, .pdf.")],
-    letters: Annotated[
-        str | None,
-        typer.Option(help="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or none beside shapes."),
-    ] = None,
-    shape: Annotated[list[Path] | None, typer.Option(help="A shape of your own; repeat for several.")] = None,
+    out: Path = typer.Option(..., help="The file to write, .pdf."),
+    letters: str | None = typer.Option(
+        None, help="Which letters: AEIOU, A-Z0-9, A,E,I. Default: AEIOU, or none beside shapes."
+    ),
+    shape: list[Path] | None = typer.Option(None, help="A shape of your own; repeat for several."),
     device: pads.DeviceName = "emulated",
     seen: pads.Seen = "behind",
-    paper: Annotated[str, typer.Option(help="The paper: a4 or letter.")] = "a4",
+    paper: str = typer.Option("a4", help="The paper: a4 or letter."),
 ) -> None:
     """Print the pad's sheet and one for each letter or shape, 1:1, with the positions and angles of the scan."""
-    from tactsim.bench.config import scan_options
-    from tactsim.bench.console import plain_console
     from tactsim.bench.pad.template import PAPERS, Sheets, as_pdf, draw_sheets
-    from tactsim.bench.places import check_new_file
-    from tactsim.core.errors import InputError
     from tactsim.core.files import write_bytes
     from tactsim.hardware.device import load_device
     from tactsim.press.scanning import letters_of

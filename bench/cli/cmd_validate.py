@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.console import plain_console, plain_table
+from tactsim.bench.console import kept_clear, plain_console, plain_table
 from tactsim.bench.pad.validation import ROWS, TOUCHES
 from tactsim.core.errors import counted
 
@@ -20,24 +20,18 @@ if TYPE_CHECKING:
 
 
 def command_validate(
-    simulated: Annotated[Path, typer.Option(help="A scan of `bench scan`.")],
-    recorded: Annotated[
-        Path, typer.Option(help="A scan of `bench record`, `bench replay --scan` or `bench import`.")
-    ],
-    estimator: Annotated[
-        list[str] | None,
-        typer.Option(help="An estimator that recognises; may be repeated. [default: refined, histogram]"),
-    ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="An option of the estimators, key=value.")
-    ] = None,
-    trials: Annotated[int, typer.Option(min=1, help="Trials for each letter.")] = 10,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="A new folder for validation.json, presses.png and world.toml, for `bench scan --world`."
-        ),
-    ] = None,
+    simulated: Path = typer.Option(..., help="A scan of `bench scan`."),
+    recorded: Path = typer.Option(
+        ..., help="A scan of `bench record`, `bench replay --scan` or `bench import`."
+    ),
+    estimator: list[str] | None = typer.Option(
+        None, help="An estimator that recognises; may be repeated. [default: refined, histogram]"
+    ),
+    settings: list[str] | None = typer.Option(None, "--set", help="An option of the estimators, key=value."),
+    trials: int = typer.Option(10, min=1, help="Trials for each letter."),
+    out: Path | None = typer.Option(
+        None, help="A new folder for validation.json, presses.png and world.toml, for `bench scan --world`."
+    ),
     seed: shared.Seed = 0,
     as_json: shared.AsJson = False,
 ) -> None:
@@ -48,7 +42,6 @@ def command_validate(
     import tomli_w
 
     from tactsim.bench.config import key_values
-    from tactsim.bench.console import kept_clear
     from tactsim.bench.pad import validation
     from tactsim.bench.pad.validation import presses_figure
     from tactsim.bench.placement import load_scan
