@@ -10,7 +10,7 @@ import typer
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import is_typed
-from tactsim.bench.console import plain_console
+from tactsim.bench.console import plain_console, rounded
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def command_probe(
     rate = f"{answer['readings_per_s']:.1f} a second" if span > 0 else "one"
     console.print(f"{described.name}: {values.shape[1]} taxels, {len(readings):,} readings, {rate}")
     console.print(pads.counters_line(counters))
-    console.print(f"mean of the readings in kPa; the last one sums to {pads.rounded(answer['force_n'], 2)} N")
+    console.print(f"mean of the readings in kPa; the last one sums to {rounded(answer['force_n'], 2)} N")
     console.print(tactile_image(values.mean(axis=0), source.taxel_xy, seen == "behind"))
     largest, kpa = int(values.mean(axis=0).argmax()), values.mean(axis=0).max()
     taxel = described.called(int(taxels_of(source)[largest]))
@@ -252,7 +252,7 @@ def command_tare(
     )
     result.save(out)
     console = plain_console()
-    low, high = (pads.rounded(end, 2) for end in (min(result.tare), max(result.tare)))
+    low, high = (rounded(end, 2) for end in (min(result.tare), max(result.tare)))
     noise = sorted(result.noise)[len(result.noise) // 2]
     touch = max(described.touch_kpa, touch_above(max(result.noise)))
     console.print(

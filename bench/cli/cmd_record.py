@@ -60,18 +60,13 @@ def command_record(
     from tactsim.models import shape
 
     if letter is not None and shape_file is not None:
-        raise InputError(
-            f"--shape {shape_file} is called after its file; leave --letter out, or rename the file"
-        )
+        raise InputError(f"--shape {shape_file} is called after its file; leave --letter out, or rename it")
     pressed = None if shape_file is None else shape(shape_file)
     letter = letter if pressed is None else pressed.name
     if letter is None:
         names = ("split", "resume", "poses", "frames", "force", "patience", "seen", "seed")
-        refuse_typed(
-            context,
-            names,
-            "is for a guided session; say what is pressed with --letter or --shape, or leave it out",
-        )
+        why = "is for a guided session; say what is pressed with --letter or --shape, or leave it out"
+        refuse_typed(context, names, why)
     else:
         why = "is for a recording of all that a pad says; a session of --letter or --shape ends by itself"
         refuse_typed(context, ("seconds",), why)
@@ -85,11 +80,8 @@ def command_record(
     from tactsim.hardware.session import Plan
 
     settings = pads.plan_settings(port, described, correction, frames, force, patience)
-    plan = {
-        "label": letter,
-        "split": split,
-        "poses": _poses(poses, seed, described.pad, known_letter(letter), pressed),
-    } | settings
+    asked = _poses(poses, seed, described.pad, known_letter(letter), pressed)
+    plan = {"label": letter, "split": split, "poses": asked} | settings
     _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen, pressed)
 
 

@@ -9,8 +9,7 @@ import typer
 from rich.console import Console
 
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.pad_options import rounded
-from tactsim.bench.console import kept_clear, plain_console, plain_table
+from tactsim.bench.console import kept_clear, plain_console, plain_table, rounded
 from tactsim.bench.pad.validation import ROWS, TOUCHES
 from tactsim.core.errors import counted
 
@@ -43,7 +42,6 @@ def command_validate(
 
     from tactsim.bench.config import key_values
     from tactsim.bench.pad import validation
-    from tactsim.bench.pad.validation import presses_figure
     from tactsim.bench.placement import load_scan
     from tactsim.bench.places import check_new_folder, save_beside, saved
     from tactsim.bench.terminal import progress_bars
@@ -61,7 +59,7 @@ def command_validate(
     def save(wanted: Path) -> Path:
         with new_folder(wanted) as folder:
             (folder / "validation.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
-            (folder / "presses.png").write_bytes(presses_figure(result).png())
+            (folder / "presses.png").write_bytes(validation.presses_figure(result).png())
             (folder / "world.toml").write_bytes(tomli_w.dumps(result.parameters).encode())
         return wanted
 
@@ -103,9 +101,8 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         console.print(f"picture {out / 'presses.png'}", soft_wrap=True)
         console.print(f"all figures in {out / 'validation.json'}. Press as fitted, and train on that:")
         console.print(f"  bench scan --world {out / 'world.toml'} --out fitted.npz", soft_wrap=True)
-        console.print(
-            f"  bench run --estimator {name} --scan {recorded} --train-scan fitted.npz", soft_wrap=True
-        )
+        run = f"bench run --estimator {name} --scan {recorded} --train-scan fitted.npz"
+        console.print(f"  {run}", soft_wrap=True)
 
 
 def verdict(result: Validation) -> list[str]:
@@ -113,9 +110,7 @@ def verdict(result: Validation) -> list[str]:
     before, after = (result.errors[name] for name in ("as_it_is", "held_out_placed"))
     name, sides = next(iter(result.recognition.items()))
     k = min(5, *(len(figures["accuracy"]) for figures in sides.values()))
-    shares = ", ".join(
-        f"{_TRAINED[side]} {figures['accuracy'][k - 1]:.2f}" for side, figures in sides.items()
-    )
+    shares = ", ".join(f"{_TRAINED[side]} {of['accuracy'][k - 1]:.2f}" for side, of in sides.items())
     fit = result.fit
     ratio = fit.misfit / fit.noise if fit.noise else _ALL
     noise = f"what no fit explains is {ratio:.1f} times the noise" if ratio < _ALL else "there is no noise"
@@ -137,31 +132,24 @@ def verdict(result: Validation) -> list[str]:
 
 
 def _show_errors(console: Console, result: Validation) -> None:
-    table = plain_table(
-        "recorded against", f"rms {result.unit}", f"bias {result.unit}", "of contact", "correlation"
-    )
+    unit = result.unit
+    table = plain_table("recorded against", f"rms {unit}", f"bias {unit}", "of contact", "correlation")
     for key, name in ROWS.items():
-        error = result.errors[key]
-        table.add_row(
-            name, f"{error.rms:.3g}", f"{error.bias:+.2g}",
-            f"{100 * error.relative:.1f} %", f"{error.correlation:.4f}"
-        )  # fmt: skip
+        of = result.errors[key]
+        shares = f"{100 * of.relative:.1f} %", f"{of.correlation:.4f}"
+        table.add_row(name, f"{of.rms:.3g}", f"{of.bias:+.2g}", *shares)
     console.print(table)
 
 
 def fit_lines(fit: SensorFit, unit: str) -> list[str]:
     """Say what was fitted, each number with its 95 % interval."""
     saved, error = fit.gains_saved
-    apart = (
-        f"{100 * saved:+z.0f} % (standard error {100 * error:.0f} %) of the squares left of held-out presses"
-    )
-    gains = (
-        f"gains   taxels have gains of their own, which save {apart}"
-        if (fit.gain_per_taxel != 1).any()
-        else f"gains   taxels left alike: gains of their own would save {apart}"
-        if error < _ALL
-        else "gains   taxels left alike: too few presses to hold some out"
-    )
+    apart = f"{100 * saved:+z.0f} % (standard error {100 * error:.0f} %) of the squares of held-out presses"
+    gains = "gains   taxels left alike: too few presses to hold some out"
+    if (fit.gain_per_taxel != 1).any():
+        gains = f"gains   taxels have gains of their own, which save {apart}"
+    elif error < _ALL:
+        gains = f"gains   taxels left alike: gains of their own would save {apart}"
     x, y, angle = (rounded(value, digits, "+") for value, digits in zip(fit.offset, (2, 2, 4), strict=True))
     return [
         f"spread  point spread {_known(fit.psf_sigma, fit.psf_sigma_range, 'mm')}",
@@ -181,12 +169,8 @@ def fit_lines(fit: SensorFit, unit: str) -> list[str]:
 
 def _outlines(result: Validation) -> str:
     """Say how far outlines lie outside their drawings, as far as readings tell."""
-    each = [
-        f"{name} {by:+.2f} ({low:+.2f} to {high:+.2f})"
-        for name, by, (low, high) in zip(
-            result.outlined, result.fit.grown, result.fit.grown_range, strict=True
-        )
-    ]
+    found = zip(result.outlined, result.fit.grown, result.fit.grown_range, strict=True)
+    each = [f"{name} {by:+.2f} ({low:+.2f} to {high:+.2f})" for name, by, (low, high) in found]
     return f"shapes  outlines lie outside their drawings by mm: {', '.join(each)}; the world has the drawings"
 
 
@@ -223,7 +207,7 @@ def _tilt_lines(fit: SensorFit) -> list[str]:
     lines = [tilted, known, f"alone   the layer's stiffness in kPa/mm: {which}; tilts and wrist follow it"]
     if fit.lifted:
         lines.append(
-            "rough   tilts lift a side of many faces from the pad; tilt, layer and wrist may be far off"
+            "rough   tilts lift a side of many faces from the pad; tilt, layer, wrist may be far off"
         )
     if fit.blanks:
         lines.append(f"blank   {fit.blanks:,} presses that tip over in the fitted simulation")
@@ -245,8 +229,6 @@ def _show_recognition(console: Console, result: Validation) -> None:
         for side, figures in sides.items():
             accuracy, error = figures["accuracy"], figures["error_mm"]
             shares = [f"{accuracy[touch - 1]:.2f}" if touch <= len(accuracy) else "-" for touch in TOUCHES]
-            table.add_row(
-                name, _TRAINED[side], *shares, str(figures["touches_to_95"] or "later"),
-                "-" if error is None else f"{error:.2f}",
-            )  # fmt: skip
+            reached = str(figures["touches_to_95"] or "later")
+            table.add_row(name, _TRAINED[side], *shares, reached, "-" if error is None else f"{error:.2f}")
     console.print(table)

@@ -9,7 +9,6 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
-from tactsim.bench.console import rounded as rounded
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:

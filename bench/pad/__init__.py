@@ -134,7 +134,5 @@ def with_objects(scan: Scan, pressed: Sequence[Letter]) -> Scan:
 def taken_as_letters(scan: Scan) -> list[str]:
     """Say, in a line if there are any, which labels of a scan count as letters of the catalogue."""
     taken = [label for label in scan.letters if label in scan.meta.get("objects", {})]
-    said = (
-        f"{' '.join(taken)}: placements count as those of the catalogue's letters (centre, inertia, symmetry)"
-    )
-    return [said] if taken else []
+    facts = "placements count as those of the catalogue's letters (centre, inertia, symmetry)"
+    return [f"{' '.join(taken)}: {facts}"] if taken else []

@@ -157,11 +157,11 @@ def _lead(leader: Leader, reader: PadReader, screen: Screen, console: Console) -
     def over(view: PadView) -> bool:
         return view.state == "ended" or reader.error is not None
 
+    def obey(key: str, _: PadView) -> None:
+        reader.tare() if key == "t" else leader.obey(key)
+
     with suppress(KeyboardInterrupt):
-        show(
-            reader, console, over, screen.draw,
-            lambda key, _: reader.tare() if key == "t" else leader.obey(key),
-        )  # fmt: skip
+        show(reader, console, over, screen.draw, obey)
 
 
 def _open(station: Station, leader: Leader, recorder: Recorder, pressed: Letter | None, new: bool) -> Source:
@@ -272,11 +272,8 @@ def check_pads(train: Scan, station: Station) -> None:
 
 def _plan(label: str, trial: int, wanted: Wanted, settings: Mapping[str, Any], pad: Pad) -> Plan:
     poses = poses_to_press(label, trial, wanted.readings, wanted.seed, pad, wanted.own.get(label))
-    content = {
-        "label": label, "split": "test", "poses": [tuple(pose) for pose in poses.tolist()],
-        "enough": wanted.readings,
-    }  # fmt: skip
-    return checked(Plan, {**content, **settings}, "session")
+    content = {"label": label, "split": "test", "poses": list(map(tuple, poses.tolist()))}
+    return checked(Plan, {**content, "enough": wanted.readings, **settings}, "session")
 
 
 def _taken(path: Path, plan: Plan) -> int:

@@ -71,9 +71,8 @@ class PressesAsRecorded:
             bed = lay_bed(levels(self._letters[name], self.options.press), poses, *self.options.cell_lines)
             area = bed.area_of_presses
             for along in bed.centroid.T:
-                first, second = (
-                    np.bincount(bed.press, bed.area * along**power, len(poses)) for power in (1, 2)
-                )
+                sums = [np.bincount(bed.press, bed.area * along**power, len(poses)) for power in (1, 2)]
+                first, second = sums
                 moments.append((second - first**2 / np.maximum(area, 1e-9))[area > 0])
         every = np.concatenate(moments)
         if not len(every):

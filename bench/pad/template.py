@@ -75,15 +75,13 @@ def draw_sheets(letters: Sequence[Letter], sheets: Sheets) -> list[Figure]:
     """
     x_low, x_high, y_low, y_high = sheets.pad.load_bounds
     corner = float(np.hypot(max(-x_low, x_high), max(-y_low, y_high)))
-    if corner > _ROOM:
-        raise InputError(
-            f"the pad reaches {corner:.0f} mm from its middle; its sheet has room for {_ROOM:.0f} mm"
-        )
+    reaches = [("the pad", corner)]
     for letter in letters:
-        largest = max(float(np.abs(contour).max()) for contour in letter.contours)
-        if largest > _ROOM:
+        reaches.append((repr(letter.name), max(float(np.abs(contour).max()) for contour in letter.contours)))
+    for what, far in reaches:
+        if far > _ROOM:
             raise InputError(
-                f"{letter.name!r} reaches {largest:.0f} mm from its middle; its sheet has room for {_ROOM:.0f} mm"
+                f"{what} reaches {far:.0f} mm from its middle; its sheet has room for {_ROOM:.0f} mm"
             )
     return [_pad_sheet(sheets), *(_letter_sheet(letter, sheets) for letter in letters)]
 
@@ -114,13 +112,8 @@ def _pad_sheet(sheets: Sheets) -> Figure:
         _line(axes, sheets.middle + start * along, sheets.middle + outer * along, _BOLD if bold else _FINE)
         if bold:
             # On the sheet that is cut the names stand inside the cut.
-            _text(
-                axes,
-                sheets.middle + (outer - 3 if on_top else outer + 4) * along,
-                f"{degrees}",
-                8,
-                box=on_top,
-            )
+            place = sheets.middle + (outer - 3 if on_top else outer + 4) * along
+            _text(axes, place, f"{degrees}", 8, box=on_top)
     _polygon(axes, _on_paper(sheets, corners), _BOLD, _INK)
     for x in sheets.pad.column_edges:
         for y in sheets.pad.row_edges:
@@ -158,10 +151,8 @@ def _letter_sheet(letter: Letter, sheets: Sheets) -> Figure:
         _polygon(axes, _on_paper(sheets, closed), _BOLD, _INK)
     _cross(axes, sheets.middle, 2.0)
     x, y = sheets.middle
-    axes.annotate(
-        "", (x, y + outer - 2), (x, y + outer - 16),
-        arrowprops={"arrowstyle": "-|>", "color": _INK, "lw": 2, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
+    arrow = {"arrowstyle": "-|>", "color": _INK, "lw": 2, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (x, y + outer - 2), (x, y + outer - 16), arrowprops=arrow)
     if on_top:
         _crop(axes, sheets.middle)
     return axes.figure  # type: ignore[return-value]
@@ -210,10 +201,8 @@ def _page(sheets: Sheets, title: str, words: str) -> Axes:
     ruler = np.array([(width - RULER) / 2, 18.0])
     _ruler(axes, ruler, np.array([1.0, 0.0]))
     _ruler(axes, np.array([width - 12, 27.0]), np.array([0.0, 1.0]))
-    _text(
-        axes, ruler + (RULER / 2, -6),
-        f"Print at 100 % (actual size). Both rulers must measure {RULER:g} mm; if not, this sheet is of no use.", 8,
-    )  # fmt: skip
+    use = f"Print at 100 % (actual size). Both rulers must measure {RULER:g} mm; if not, this sheet is of no use."
+    _text(axes, ruler + (RULER / 2, -6), use, 8)
     return axes
 
 
