@@ -136,9 +136,9 @@ def _record_all(
     console = plain_console()
     count, silence = 0, None
     with Recorder(out) as recorder:
-        start = time.monotonic()
-        recorder.segment(segment(device, port, calibration), start)
+        recorder.segment(segment(device, port, calibration), time.monotonic())
         with open_recorded(port, device, calibration, recorder, new=True) as source:
+            start = time.monotonic()  # a pad that takes a second to open is recorded for as long as was asked
             try:
                 while seconds is None or time.monotonic() - start < seconds:
                     try:

@@ -124,8 +124,8 @@ def open_pressed(
     if calibration is not None or len(ports) > 1:
         raise InputError(f"{place} is one source and needs no calibration")
     label, _, pose = place.removeprefix(_SIMULATED).partition("@")
-    where = draw_true_pose(np.random.default_rng(seed), offsets(device.pad.taxel_xy))
-    where = parse_pose(pose) if pose else where
+    drawn = np.random.default_rng(seed)
+    where = parse_pose(pose) if pose else draw_true_pose(drawn, offsets(device.pad.taxel_xy))
     own = {shape.name: shape for shape in shapes}
     found = own.get(label) or letter(label or "A")
     return SimulatedHand(found, poses, device, seed, where, _PAUSE), plan
