@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.bench.compare import mcnemar
-from tactsim.bench.intervals import FEWEST_PAIRS, percentiles
+from tactsim.bench.intervals import FEWEST_PAIRS, counts_of, percentiles
 from tactsim.bench.runs.pooled import Pooled, figure_of, metric_of
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
@@ -164,11 +164,13 @@ def ranked(pools: Sequence[Pooled], by: str, other: str | None = None) -> Rankin
     right = [one.trials.right[:, int(accuracy_by.partition("@")[2]) - 1] for one in pools]
     name, _, at = error_by.partition("@")
     k = int(at) - 1
-    apart = [one.errors[:, k] for one in pools]
+    apart = [one.scored.error[:, k] for one in pools]
     of = [one.trials.named[:, k] if name == "error_mm" else one.trials.known for one in pools]
     counted = [chosen & ~np.isnan(errors) for chosen, errors in zip(of, apart, strict=True)]
     accuracies = compare_accuracies(column(right))
-    errors = compare_errors(np.nan_to_num(column(apart)), column(counted), pools[0].counts[:, orders[0]])
+    errors = compare_errors(
+        np.nan_to_num(column(apart)), column(counted), counts_of(pools[0].scored.sizes)[:, orders[0]]
+    )
     if of_error:
         better = (errors.p <= LEVEL) & (errors.difference < 0)
     else:

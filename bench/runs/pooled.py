@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from tactsim.bench.config import flat
-from tactsim.bench.intervals import Figure, counts_of
+from tactsim.bench.intervals import Figure
 from tactsim.bench.kinds import PLANE
 from tactsim.bench.results import Run
 from tactsim.bench.score import Metric, Scored, figures, summarise
@@ -23,7 +23,6 @@ from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 from tactsim.core.checking import checked
 from tactsim.core.errors import counted, short, unknown
-from tactsim.core.poses import FloatArray
 from tactsim.press import WORLDS
 
 # What figures were called in tables before.
@@ -186,7 +185,7 @@ class Pooled:
         """Give the bound of the error, and error over bound, by reading; see `Run.against_bound`."""
         if len(self.runs) == 1:
             return self.run.against_bound
-        return replace(self.run, trials=self.trials, bounds=self.bounds).against_bound
+        return replace(self.run, trials=self.trials, bounds=self.scored.bounds).against_bound
 
     @property
     def trials(self) -> Trials:
@@ -197,21 +196,6 @@ class Pooled:
     def ids(self) -> list[tuple[int, str, int]]:
         """Name each of `trials`: seed, letter, number within the letter; pools of the same are compared by them."""
         return [(run.seed, *of_trial) for run in self.runs for of_trial in run.trials.ids]
-
-    @property
-    def bounds(self) -> FloatArray | None:
-        """Give the Cramer-Rao bounds (n, r), mm, of all trials; None if one run has none."""
-        return self.scored.bounds
-
-    @property
-    def counts(self) -> FloatArray:
-        """Give how often each bootstrap draw has each trial, (draws, n)."""
-        return counts_of(self.scored.sizes)
-
-    @property
-    def errors(self) -> FloatArray:
-        """Give the placement errors (n, r), mm, of all trials."""
-        return self.scored.error
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,7 +69,7 @@ def test_an_estimator_that_does_not_say_how_sure_it_is_and_known_bounds_travel_t
     again = read_bundle(tmp_path / "a.tar.xz")
     assert np.isnan(again.pooled.trials.credibility).all()
     assert np.isnan(again.pooled.trials.radius_90).all()
-    assert again.pooled.bounds == pytest.approx(0.3, rel=0.005)
+    assert again.pooled.scored.bounds == pytest.approx(0.3, rel=0.005)
 
 
 def test_rounding_changes_no_figure_that_a_table_shows():
