@@ -13,11 +13,10 @@ from tactsim.core.poses import FloatArray
 # rad for each mm: a point 16 mm from the middle, the tip of a letter of 25 mm, then moves as far by turning.
 _RATIO = 0.06
 _SCALES = (0.15, 0.5, 1.5)  # mm, of the bank from which the motion is learned
-_JUMP, _JUMPS = 4.0, 0.02  # mm, standard deviation of a jump along an axis, and how often one comes
-# The prior probability that the object lies still at first. One misplaced press at an object at rest may speak for a
-# jump by some six nats; after a jump of 5 mm three touches mostly do so by more than ten. Odds of 200 part the two.
-_STILL = 0.995
-_BEGINS = (1 - _STILL) / 20  # how often one at rest begins to move: in twenty touches, as often as at first
+_JUMP, _JUMPS = 4.0, 0.001  # mm, standard deviation of a jump along an axis, and how often one comes
+# The prior probability that the object lies still at first, and how often one at rest begins to move: seldom, as one
+# misplaced press may speak for a jump by some six nats; after a jump of 5 mm three touches mostly do so by ten.
+_STILL, _BEGINS = 0.9, 0.00025
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _BROAD = 5  # at the second reading, when the belief is broad, so many times as many states are drawn
 _SETTING_OFF = 80  # centres of a letter's belief at rest, from which it may begin to move
 _FORGOTTEN = 30.0  # a letter this many nats below the best is not followed any more
+# How often a touch at rest is misplaced: then it is what it would be if the object had moved, and so may be one touch.
+_MISPLACED = 0.01
 
 
 class MovingBelief:
@@ -56,14 +58,16 @@ class MovingBelief:
             if self._filter.located:
                 self._begin()
             return
+        at_rest = -math.inf
         if self._motion.still is not None:
             belief = self._filter.own_states()
             self._set_off(belief)
-            self._rest += math.log1p(-self._motion.begins) + self._filter.foretold(belief)
+            at_rest = self._filter.foretold(belief)
+        before = self._followed
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
         count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
-        best = max(cloud.log_evidence for cloud in self._clouds if cloud is not None)
+        best = self._log_evidence.max()
         for letter, cloud in enumerate(self._clouds):
             if cloud is None or cloud.log_evidence < best - _FORGOTTEN:
                 self._clouds[letter] = self._drawn[letter] = None
@@ -72,6 +76,19 @@ class MovingBelief:
                 self._clouds[letter], self._drawn[letter] = advance(
                     cloud, self._motion, log_p, count, self._rng
                 )
+        misplaced = math.log(_MISPLACED) + self._followed - before
+        self._rest += math.log1p(-self._motion.begins)
+        self._rest += float(np.logaddexp(math.log1p(-_MISPLACED) + at_rest, misplaced))
+
+    @property
+    def _log_evidence(self) -> FloatArray:
+        """Give log p(readings | letter) if it moves, (letters,); -inf of one that is not followed any more."""
+        return np.array([-math.inf if cloud is None else cloud.log_evidence for cloud in self._clouds])
+
+    @property
+    def _followed(self) -> float:
+        """Give the log-evidence of an object that moves, whichever it is."""
+        return float(np.logaddexp.reduce(self._log_evidence))
 
     def _begin(self) -> None:
         """Take over what the filter holds: nothing has moved yet."""
@@ -91,7 +108,7 @@ class MovingBelief:
         still = self._motion.still
         assert still is not None
         log_share = self._rest + math.log(still / (1 - still)) + math.log(self._motion.begins)
-        followed = max(cloud.log_evidence for cloud in self._clouds if cloud is not None)
+        followed = self._log_evidence.max()
         if log_share < followed - _FORGOTTEN:
             return
         for letter, begun in enumerate(self._held(belief, _SETTING_OFF)):
@@ -205,18 +222,16 @@ class MovingBelief:
 
         known: the estimate of the filter, if it was made already.
 
-        A model counts as much as it foretold the readings one by one (Dawid 1984). So both are asked the same, though
-        a sequence counts for less in the belief of an object at rest than single readings do.
+        A model counts as much as it foretold the readings one by one (Dawid 1984), each of which may be misplaced: so
+        no touch alone speaks for a move by more than -log _MISPLACED. Both are asked the same, though a sequence
+        counts for less in the belief of an object at rest than single readings do.
         """
-        moving = Weights(
-            np.array([-np.inf if cloud is None else cloud.log_evidence for cloud in self._clouds])
-        )
+        moving = Weights(self._log_evidence)
         still = self._motion.still
         if still is None:
             return np.stack([np.zeros(len(self._filter.labels)), moving.normalised])
         at_rest = (known or self._filter.own_estimate()).probabilities
-        followed = moving.log_mean + math.log(len(moving))
-        models = Weights(np.array([self._rest, followed]) + np.log([still, 1 - still])).normalised
+        models = Weights(np.array([self._rest, self._followed]) + np.log([still, 1 - still])).normalised
         return np.stack(
             [
                 models[0] * np.array([at_rest[label] for label in self._filter.labels]),
