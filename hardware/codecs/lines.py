@@ -325,9 +325,7 @@ class GuessedLines:
         rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
         lines = ['name = "mine"']
         if self.apart > _NEAR:
-            lines.append(
-                f"largest_offset_kpa = {self.apart:.0f}  # so far apart are taxels that nothing presses"
-            )
+            lines.append(f"largest_offset_kpa = {self.apart:.0f}  # so far apart are untouched taxels")
         lines += ["[codec]", 'kind = "csv"', f"taxels = {taxels}"]
         if self.before:
             lines.append(f"before = {list(self.before)}".replace("'", '"'))
@@ -344,7 +342,7 @@ class GuessedLines:
         lines += ["kpa_per_count = 1.0  # measure; below 0 where values fall under load", "[pad]"]
         lines += [f"rows = {rows}", f"columns = {taxels // rows}", "no_seam = true", "unread_columns = 0"]
         lines += [
-            "pitch_x = 1.9  # mm from one column to the next: measure, this and what follows",
+            "pitch_x = 1.9  # mm from one column to the next: measure, as what follows",
             "pitch_y = 1.9",
         ]
         lines += ["taxel_width = 1.8  # mm of a taxel itself", "taxel_height = 1.8", "[[part]]"]

@@ -10,8 +10,15 @@ import tomli_w
 from tactsim import models
 from tactsim.bench.cli.cmd_validate import verdict
 from tactsim.bench.config import scan_options
-from tactsim.bench.pad.recorded_presses import PressesAsRecorded, wider
-from tactsim.bench.pad.validation import clipped, fitted_world, means, numbers_of_copies, stated_world
+from tactsim.bench.pad.validation import (
+    PressesAsRecorded,
+    clipped,
+    fitted_world,
+    means,
+    numbers_of_copies,
+    stated_world,
+    wider,
+)
 from tactsim.core import Pad, Scan
 from tactsim.hardware.sensor_fit import fit_sensor
 from tactsim.press import ScanOptions, scan_letters
