@@ -31,7 +31,7 @@ PUBLISHED = {
     "icub10-v1": "f949966693697ba5",
     "kiechle36-v1": "edbbd80a50eb4df6",
     "schunk5-v1": "2bbce9a4d3ae24f2",
-    "tekscan22-v1": "a850fbbedfc5b4e0",
+    "tekscan22-v2": "8b0222140835e368",
     "worn-pad-v1": "2bd7417c70b28b31",
 }
 OWN = """
