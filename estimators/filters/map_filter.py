@@ -31,7 +31,7 @@ from tactsim.estimators.estimator import (
 )
 from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, PlainField, field_of
 from tactsim.estimators.filters.grid import StateGrid, state_grid
-from tactsim.estimators.filters.states import WeightedStates, plane_histogram
+from tactsim.estimators.filters.states import WeightedStates, plane_cells, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
@@ -358,10 +358,9 @@ class MapFilter(Estimator):
 
     def belief_over_plane(self) -> PlaneBelief:
         """Show how the belief lies over the plane, mm, for a person to look at."""
-        if self.moving is not None:
-            plane = plane_histogram(self.labels, self.weighted_states(), self.reach)
-        else:
-            plane = self._own_plane()
+        plane = self._own_plane()
+        if self.moving is not None:  # in the same cells, as a sequence may be followed from some touch on
+            plane = plane_histogram(self.labels, self.weighted_states(), plane.x, plane.y)
         if self.pad_fit is not None:
             plane = self.pad_fit.units.plane_back(plane)
         return self.frames.plane_back(plane)
@@ -448,7 +447,8 @@ class MapFilter(Estimator):
 
     def _own_plane(self) -> PlaneBelief:
         """Show how the filter's own belief lies over the plane, in cells of about 1 mm."""
-        return plane_histogram(self.labels, self.own_states(), self.reach)
+        x = plane_cells(self.reach)
+        return plane_histogram(self.labels, self.own_states(), x, x)
 
     def _own_setup(self) -> str:
         """Say in one line how the filter itself is set up."""

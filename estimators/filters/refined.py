@@ -46,8 +46,8 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
-# By so much larger than learned, errors of so many readings may tell of a move: what foretells them best decides.
-_STIRRED, _TELLING = 1.1, 3
+# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty.
+_STIRRED = 1.3
 # Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
 _MANY_BINS, _BEST_BINS = 1_000_000, 100_000
 
@@ -178,9 +178,12 @@ class RefinedFilter(GridFilter):
 
     @property
     def stirred(self) -> bool:
-        """Tell whether the readings disagree about the place by more than left-out training readings do."""
+        """Tell whether the readings disagree with an object at rest.
+
+        They are explained worse than left-out training readings are, and disagree about the place by more than those.
+        """
         count = len(self.field)
-        return count >= _TELLING and self.trust(count) > _STIRRED * self._weight
+        return self._unexplained > 0 and self.trust(count) > _STIRRED * self._weight
 
     def left_along(self, moving: MovingBelief) -> float:
         """Tell what share of what is not explained at rest is not along the path of a belief that moves either.

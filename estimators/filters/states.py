@@ -139,14 +139,21 @@ def uniform_states(count: int, reach: float, rng: np.random.Generator) -> FloatA
     return rng.uniform(-1, 1, (3, count)) * [[reach], [reach], [np.pi]]
 
 
-def plane_histogram(labels: tuple[str, ...], belief: WeightedStates, reach: float) -> PlaneBelief:
-    """Sum the weights of a belief in cells of about 1 mm, larger if they would be many."""
-    cells = min(max(1, round(2 * reach)), _MOST_CELLS)
-    edges = np.linspace(-reach, reach, cells + 1)
-    total = np.zeros((len(labels), cells, cells))
+def plane_histogram(
+    labels: tuple[str, ...], belief: WeightedStates, x: FloatArray, y: FloatArray
+) -> PlaneBelief:
+    """Sum the weights of a belief in the cells whose centres are x (columns,) and y (rows,) mm, in ascending order."""
+    edges = [np.concatenate([[-np.inf], (of[1:] + of[:-1]) / 2, [np.inf]]) for of in (y, x)]
+    total = np.zeros((len(labels), len(y), len(x)))
     for k in range(len(labels)):
         of_letter = belief.letter == k
-        x, y = belief.state[:2, of_letter]
-        total[k] = np.histogram2d(y, x, bins=(edges, edges), weights=belief.weights.relative[of_letter])[0]
-    middle = (edges[1:] + edges[:-1]) / 2
-    return PlaneBelief(labels, middle, middle, total / total.sum())
+        along_x, along_y = belief.state[:2, of_letter]
+        weights = belief.weights.relative[of_letter]
+        total[k] = np.histogram2d(along_y, along_x, bins=edges, weights=weights)[0]
+    return PlaneBelief(labels, x, y, total / total.sum())
+
+
+def plane_cells(reach: float) -> FloatArray:
+    """Give the centres, mm, of cells of about 1 mm from -reach to reach, larger if they would be many."""
+    count = min(max(1, round(2 * reach)), _MOST_CELLS)
+    return reach * (np.arange(1, 2 * count, 2) / count - 1)

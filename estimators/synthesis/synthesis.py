@@ -24,7 +24,7 @@ from tactsim.estimators.estimator import (
 )
 from tactsim.estimators.filters.motion import parse_motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, Weights, plane_histogram
+from tactsim.estimators.filters.states import WeightedStates, Weights, plane_cells, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.options import REACH, Reach, reach_of
 from tactsim.estimators.synthesis.learned_pad import LearnedPad
@@ -358,9 +358,8 @@ class Synthesis(Estimator):
         """Count the states of an object that may move in cells of about 1 mm; None for one that lies still."""
         if self.moving is None:
             return None
-        return self.frames.plane_back(
-            plane_histogram(self.labels, self.moving.weighted_states(), self._reach)
-        )
+        x = plane_cells(self._reach)
+        return self.frames.plane_back(plane_histogram(self.labels, self.moving.weighted_states(), x, x))
 
     @property
     def work(self) -> dict[str, Any]:

@@ -197,15 +197,18 @@ def _ideal(
         for first in range(0, len(batch.touches), _CHUNK)
     ]
     pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
-    worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
+    worth, refusal = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER), ""
     with process_map(min(jobs, worth)) as mapped:
         for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(piece)
-            _refuse_blanks(wanted[name], pressed[name])
+            if refusal := _too_many_blanks(wanted[name], pressed[name]):
+                break  # not raised here: what waits is dropped, and no process is killed
             work.update(of_piece)
             done += len(piece.readings)
             if progress is not None:
                 progress(done, total)
+    if refusal:
+        raise InputError(refusal)
     for name, pieces in pressed.items():
         blanks = {
             number * _CHUNK + row: reason
@@ -221,15 +224,16 @@ def _ideal(
     return [ideal[name] for name in names], work
 
 
-def _refuse_blanks(batch: _Batch, pieces: Sequence[_Ideal]) -> None:
-    """Raise InputError as soon as too many of a batch's presses are blank for the whole of it."""
+def _too_many_blanks(batch: _Batch, pieces: Sequence[_Ideal]) -> str:
+    """Say that too many of the presses so far are blank for the whole of a batch; nothing if they are not."""
     reasons = Counter(reason for piece in pieces for reason in piece.blanks.values())
-    if reasons.total() > MOST_BLANKS * len(batch.touches):
-        done = sum(len(piece.readings) for piece in pieces)
-        raise InputError(
-            f"{reasons.total()} of {done} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
-            f"{MOST_BLANKS:.0%} at most: {reasons.most_common(1)[0][0]}"
-        )
+    if reasons.total() <= MOST_BLANKS * len(batch.touches):
+        return ""
+    done = sum(len(piece.readings) for piece in pieces)
+    return (
+        f"{reasons.total()} of {done} presses of {batch.letter.name!r} do not come to rest, and a scan takes "
+        f"{MOST_BLANKS:.0%} at most: {reasons.most_common(1)[0][0]}"
+    )
 
 
 def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counter[str]]:

@@ -242,15 +242,18 @@ def test_a_motion_that_is_seen_is_followed_as_if_it_had_been_from_the_first_touc
     )
     for estimator in (off, seen, auto):
         estimator.reset(np.random.default_rng(0))
-    followed = []
+    followed, planes = [], []
     for reading, pose in zip(readings, poses, strict=True):
         for estimator in (off, seen, auto):
             estimator.update(reading, pose)
         followed.append(seen.moving is not None)
+        planes.append(seen.belief_over_plane())
         if not followed[-1]:
             assert seen.estimate().robot_in_object.tobytes() == off.estimate().robot_in_object.tobytes()
     assert not followed[0]
     assert followed[-1]
+    for plane in planes:  # a page shows all touches in the same cells
+        np.testing.assert_array_equal([plane.x, plane.y], [planes[0].x, planes[0].y])
     places = [invert(estimator.estimate().robot_in_object) for estimator in (seen, auto, off)]
     assert np.hypot(*(places[0] - places[1])[:2]) < 0.5 < np.hypot(*(places[2] - places[1])[:2])
     seen.reset(np.random.default_rng(0))  # the next sequence begins at rest
