@@ -31,7 +31,7 @@ from tactsim.estimators.estimator import (
 )
 from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, PlainField, field_of
 from tactsim.estimators.filters.grid import StateGrid, state_grid
-from tactsim.estimators.filters.states import WeightedStates, plane_cells, plane_histogram
+from tactsim.estimators.filters.states import WeightedStates, likeliest_view, plane_cells, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
 from tactsim.estimators.likelihoods.likelihood import Likelihood
@@ -327,8 +327,7 @@ class MapFilter(Estimator):
         mass: (maps,) what each would hold if all were as likely before.
         """
         mass = mass * self._view_share
-        of_object = self.same_object @ mass
-        return int(np.where(of_object == of_object.max(), mass, -1.0).argmax()), mass
+        return likeliest_view(mass, self.same_object), mass
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the sensor_in_robot pose (n, 3) whose reading should say most about the state.

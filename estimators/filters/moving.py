@@ -14,7 +14,13 @@ from tactsim.estimators.estimator import Estimate, PoseSamples, probabilities
 from tactsim.estimators.filters.clouds import CENTRES, DRAWN, Cloud, Drawn, advance, log
 from tactsim.estimators.filters.motion import Motion
 from tactsim.estimators.filters.placement import mean_around
-from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
+from tactsim.estimators.filters.states import (
+    WeightedStates,
+    Weights,
+    letter_mass,
+    likeliest_view,
+    pose_samples,
+)
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.map_filter import MapFilter
@@ -148,15 +154,14 @@ class MovingBelief:
         known = self._filter.own_estimate() if self._motion.still is not None else None
         models = self._models(known)
         # A letter that neither belief is about has no pose to state.
-        stated = [
-            drawn is not None or (known is not None and label == known.label)
-            for label, drawn in zip(labels, self._drawn, strict=True)
-        ]
+        stated = np.array(
+            [
+                drawn is not None or (known is not None and label == known.label)
+                for label, drawn in zip(labels, self._drawn, strict=True)
+            ]
+        )
         mass = models.sum(axis=0)
-        of_object = np.where(
-            stated, self._filter.same_object @ mass, -1.0
-        )  # an object's views count together
-        best = int(np.where(of_object == of_object.max(), mass, -1.0).argmax())
+        best = likeliest_view(mass, self._filter.same_object, stated)
         drawn, parts, poses = self._drawn[best], [], []
         if known is not None and known.label == labels[best]:
             poses.append((models[0, best], known.robot_in_object))
@@ -166,7 +171,7 @@ class MovingBelief:
             poses.append((models[1, best], mean_around(state, weights.relative, mode)))
             parts.append((models[1, best], pose_samples(state, weights)))
         pose = max(poses, key=lambda model: model[0])[1]
-        return Estimate(labels[best], probabilities(labels, models.sum(axis=0)), pose, _mixed(parts))
+        return Estimate(labels[best], probabilities(labels, mass), pose, _mixed(parts))
 
     def path(self, estimate: Estimate) -> FloatArray:
         """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate.

@@ -123,6 +123,20 @@ def letter_mass(letter: NDArray[np.int64], weights: Weights, letters: int) -> Fl
     return np.asarray(np.bincount(letter, weights.relative, minlength=letters), dtype=float)
 
 
+def likeliest_view(
+    mass: FloatArray, same_object: NDArray[np.bool_], stated: NDArray[np.bool_] | None = None
+) -> int:
+    """Find the likeliest label of the likeliest object, whose views count together.
+
+    mass: (labels,) what each holds. same_object: (labels, labels) which labels are views of one object. stated:
+    (labels,) those that may be named; all without it.
+    """
+    of_object = same_object @ mass
+    if stated is not None:
+        of_object = np.where(stated, of_object, -1.0)
+    return int(np.where(of_object == of_object.max(), mass, -1.0).argmax())
+
+
 def shared(mass: FloatArray, alike: NDArray[np.int64]) -> FloatArray:
     """Let letters that are one hypothesis have equal parts of what it holds: (letters, ...) like `mass`.
 

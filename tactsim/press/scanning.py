@@ -197,7 +197,8 @@ def _ideal(
         for first in range(0, len(batch.touches), _CHUNK)
     ]
     pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
-    worth, refusal = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER), ""
+    worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
+    refusal = ""
     with process_map(min(jobs, worth)) as mapped:
         for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(piece)
