@@ -83,10 +83,7 @@ def _origin(of: Standings) -> str:
     if not of.ranked:
         return "*No method has a score.*"
     commits = sorted({short_commit(one.bundle.commit) for one in of.ranked})
-    return (
-        f"*`bench submit {of.task}`: {len(of.ranked[0].bundle.runs)} scans, {of.trials} trials; in "
-        f"brackets 95 % intervals over scans and trials; commit {', '.join(commits)}.*"
-    )
+    return f"*{len(of.ranked[0].bundle.runs)} scans, {of.trials} trials; commit {', '.join(commits)}.*"
 
 
 def _escaped(text: str) -> str:

@@ -54,7 +54,7 @@ def fill(text: str, sweeps: Path) -> str:
             rows = _by_condition(shown, figures)
         else:
             rows = _by_method(shown, figures) if by == "method" else plain_rows(shown, figures)
-        return f"{markdown_table(rows)}\n{_origin(name, shown, figures)}\n"
+        return f"{markdown_table(rows)}\n{_origin(name, shown)}\n"
 
     filled = fill_blocks(text, "table", table)
     commits = {_commit(run) for of in pools.values() for one in of for run in one.runs}
@@ -73,10 +73,9 @@ def _of_methods(pools: Sequence[Pooled], methods: Sequence[str]) -> list[Pooled]
     return [one for one in pools if not methods or one.method in methods]
 
 
-def _origin(sweep: str, pools: Sequence[Pooled], figures: Sequence[str]) -> str:
-    """Say beneath a table how it was made."""
-    made = made_of(pools, any("," not in one for one in figures))
-    return f"*`bench sweep {sweep}`: {made}; commit {_commit(pools[0].runs[0])}.*"
+def _origin(sweep: str, pools: Sequence[Pooled]) -> str:
+    """Say beneath a table how it was made; what its brackets hold, the page says once."""
+    return f"*`bench sweep {sweep}`: {made_of(pools, False)}; commit {_commit(pools[0].runs[0])}.*"
 
 
 def _commit(run: Run) -> str:

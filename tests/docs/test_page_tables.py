@@ -69,7 +69,7 @@ def test_a_page_gets_its_tables_and_keeps_its_words(folder, monkeypatch, capsys)
     assert "| method | protocol | right after 1 | error after 3, mm | all right from |" in lines
     assert sum(line.startswith("| histogram, 100 bins | test poses same") for line in lines) == 1
     assert "| condition | histogram, 100 bins | histogram, 1,000 bins | nearest |" in lines
-    assert page.count("`bench sweep s`: 5 scans, 10 trials; in brackets") == 2
+    assert page.count("`bench sweep s`: 5 scans, 10 trials; commit ") == 2
 
 
 @pytest.mark.long
