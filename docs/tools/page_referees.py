@@ -400,7 +400,7 @@ def _cell(one: Image, right: Image) -> str:
     if not one.kpa.any():
         return "nothing"
     off = 100 * np.abs(one.kpa * _sum(right) / _sum(one) - right.kpa) / right.kpa.max()
-    return " / ".join(map(_short, (np.sqrt((off**2).mean()), off.max())))
+    return " / ".join(dict.fromkeys(map(_short, (np.sqrt((off**2).mean()), off.max()))))
 
 
 def _sum(one: Image) -> float:
