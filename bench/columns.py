@@ -41,7 +41,8 @@ class Column(NamedTuple):
     unknown: bool = False
 
 
-LATER = ("nees",)  # columns that runs of earlier versions lack: what they hold is not known
+LATER = ("nees", "touch_index")  # columns that runs of earlier versions may lack
+_RENAMED = {"reading": "touch_index"}  # as runs of version 0.1 call them
 _FRAMES = {
     "": "of the estimated robot_in_object",
     "true_": "of the true robot_in_object",
@@ -51,7 +52,12 @@ _AXES = {"x": "mm", "y": "mm", "z": "mm", "theta": "rad", "qw": "", "qx": "", "q
 COLUMNS = {
     "truth": Column("text", "", "the true object"),
     "trial": Column("count", "", "which trial of its object it is, from 0"),
-    "reading": Column("count", "", "which of the object's test readings was taken; -1 if that was not kept"),
+    "touch_index": Column(
+        "count",
+        "",
+        "which of the object's test readings, or of the touches on offer, was taken, from 0; -1: not kept; "
+        "-2: the trial had ended",
+    ),
     "label": Column("text", "", "the estimated object"),
     "p_truth": Column("number", "", "the probability that the estimator gives the right label"),
     "p_label": Column("number", "", "the probability that it gives the label it names"),
@@ -97,15 +103,19 @@ def trials_of(
 ) -> Trials:
     """Put trials together from their columns. Raises InputError if rows are missing, or a value cannot be one.
 
-    stop_at: where trials ended (`TrialRules`), for kinds of run whose columns do not say which touches were taken.
+    stop_at: where trials ended (`TrialRules`), for runs of version 0.1 in space, which do not say which touches were
+    taken.
     """
+    if "touch_index" not in table and not kind.own_touches:
+        raise InputError("the column touch_index is missing")
     number = table[kind.number]
-    table = {name: np.full(len(number), np.nan) for name in LATER} | dict(table)
-    for name in (*kind.columns, *kind.time_columns):
+    table = {"nees": np.full(len(number), np.nan)} | dict(table)
+    present = [name for name in (*kind.columns, *kind.time_columns) if name in table or name not in LATER]
+    for name in present:
         _check(name, table[name])
     readings = int(number.max(initial=0))
     trials, left = divmod(len(number), max(readings, 1))
-    if left or any(len(table[name]) != len(number) for name in (*kind.columns, *kind.time_columns)):
+    if left or any(len(table[name]) != len(number) for name in present):
         raise InputError("rows are missing")
     if not np.array_equal(number, np.tile(np.arange(1, readings + 1), trials)):
         raise InputError("rows are missing")
@@ -130,7 +140,7 @@ def trials_of(
     for name in (one.name for one in fields(kind.trials) if one.name not in found):
         if name in begins:
             found[name] = poses(begins[name])
-        elif name == "reading" and name not in table:
+        elif name == "touch_index" and name not in table and kind.own_touches:
             found[name] = (number - 1).reshape(shape)
             if stop_at is not None:
                 sure = sure_enough(table["p_label"].reshape(shape)[:, :-1], stop_at)
@@ -192,7 +202,7 @@ def read_csv(path: Path, names: Sequence[str]) -> Table:
         lines = list(csv.reader(io.StringIO(read_text(path, "table of a run", _LARGEST_TABLE), newline="")))
     except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is not a whole table: {error}") from error
-    header, rows = lines[:1], lines[1:]
+    header, rows = [[_RENAMED.get(name, name) for name in line] for line in lines[:1]], lines[1:]
     if header and set(names) - set(header[0]) <= set(LATER):
         names = [name for name in names if name in header[0]]
     if header != [list(names)] or not rows or any(len(row) != len(names) for row in rows):
@@ -239,4 +249,5 @@ def read_columns(path: Path, kind: Kind) -> Table:
     Nothing is unpickled. Raises InputError if the file is not whole or lacks a column.
     """
     names = dict.fromkeys((*kind.columns, *kind.time_columns))
-    return read_npz(path, [name for name in names if name not in LATER], ["bound_mm", *LATER])
+    table = read_npz(path, [name for name in names if name not in LATER], ["bound_mm", *LATER, *_RENAMED])
+    return {_RENAMED.get(name, name): values for name, values in table.items()}

@@ -141,7 +141,7 @@ def check_same_trials(base: Run, new: Run) -> None:
         )
     if not alike:
         raise InputError(f"the runs do not have the same trials; {align}")
-    if base.trials.reading.shape != new.trials.reading.shape:
+    if base.trials.touch_index.shape != new.trials.touch_index.shape:
         raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
         raise InputError(f"the objects do not move alike in both runs; {align}")

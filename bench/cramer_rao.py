@@ -225,12 +225,12 @@ def scan_bounds(
     """
     check_motion(slip)
     information, objects = scan_information(scan, jobs=jobs, progress=progress), properties(scan)
-    result = np.empty(trials.reading.shape)
+    result = np.empty(trials.touch_index.shape)
     for letter in np.unique(trials.truth).tolist():
         rows = trials.truth == letter
         # robot_in_object turns the other way than the object.
         turns = -np.diff(trials.true_pose[rows, :, 2], axis=1, prepend=trials.true_pose[rows, :1, 2])
-        summed = walked(information[letter][trials.reading[rows]], turns, slip.walk_mm, slip.walk_rad)
+        summed = walked(information[letter][trials.touch_index[rows]], turns, slip.walk_mm, slip.walk_rad)
         result[rows] = bound_mm(summed, objects[letter])
     # An ended trial knows no more than after its last touch.
     last = np.minimum(trials.taken.cumsum(axis=1), trials.touches[:, None]) - 1

@@ -85,7 +85,7 @@ class Plane(Kind):
     pose = POSE
     schema = 3
     columns = (
-        "truth", "trial", "reading_number", "reading", "label", "p_truth", "p_label",
+        "truth", "trial", "reading_number", "touch_index", "label", "p_truth", "p_label",
         *(f"{before}{name}" for before in ("", "true_") for name in POSE),
         "credibility", "radius_90", "nees", "evaluations",
     )  # fmt: skip

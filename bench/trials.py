@@ -197,7 +197,7 @@ class TrialRules:
         return cls(**stated, press=press)
 
 
-NOT_TAKEN = -2  # what `Trials.reading` says of touches that an ended trial did not take
+NOT_TAKEN = -2  # what `Trials.touch_index` says of touches that an ended trial did not take
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +206,8 @@ class Trials:
 
     truth: (n,) letters. known: (n,) whether the estimator was trained on that letter; if not, NONE is the right
     label. trial: (n,) number within the letter. true_pose: (n, r, 3 or 7) robot_in_object at each touch.
-    reading: (n, r) which of the letter's test readings, or of the trial's touches, was taken, and NOT_TAKEN after the
-    trial had ended, from where on all else repeats what was answered last. label: (n, r) the estimate (eq. 9, 14).
+    touch_index: (n, r) which of the letter's test readings, or of the trial's touches, was taken, and NOT_TAKEN after
+    the trial had ended, from where on all else repeats what was answered last. label: (n, r) the estimate (eq. 9, 14).
     p_truth, p_label: (n, r) probabilities given to the right and to the estimated label. pose: (n, r, 3 or 7)
     estimated robot_in_object. credibility, radius_90, nees: (n, r) how sure the estimator was of the pose, see
     `placement.Certainty`; NaN where it did not say. evaluations: (n, r) likelihood evaluations of that update.
@@ -219,7 +219,7 @@ class Trials:
     known: NDArray[np.bool_]
     trial: NDArray[np.int64]
     true_pose: FloatArray
-    reading: NDArray[np.int64]
+    touch_index: NDArray[np.int64]
     label: NDArray[np.str_]
     p_truth: FloatArray
     p_label: FloatArray
@@ -240,7 +240,7 @@ class Trials:
     @property
     def taken(self) -> NDArray[np.bool_]:
         """Tell for (n, r) whether that touch was taken: means of costs count no other."""
-        return self.reading != NOT_TAKEN
+        return self.touch_index != NOT_TAKEN
 
     @property
     def touches(self) -> NDArray[np.int64]:
@@ -423,7 +423,7 @@ class _UnderWay:
         columns: dict[str, Any] = {
             "truth": np.array([task.truth]), "known": np.array([task.truth in self._letters]),
             "trial": np.array([task.trial]), "true_pose": self._true_pose[None],
-            "reading": np.array([[touch.number for touch in taken] + [NOT_TAKEN] * rest]),
+            "touch_index": np.array([[touch.number for touch in taken] + [NOT_TAKEN] * rest]),
             "label": np.array([self._label + self._label[-1:] * rest]),
             "pose": self._pose[None], "evaluations": self._evaluations[None],
             **{name: values[None] for name, values in self._numbers.items()},

@@ -121,7 +121,7 @@ def rounded(trials: Trials) -> Trials:
 
     Poses are counted in steps of 1/512 mm and 1/4096 rad. Probabilities keep 7 binary digits; radii, times and counts
     of work 3 to 5, since only their means over many trials are looked at. The credibility is that of the middle of
-    its percent, so that it counts as below 50 or 90 % as before. Not kept is which reading was taken (-1): the task
+    its percent, so that it counts as below 50 or 90 % as before. Not kept is which touch was taken (-1): the task
     says so, or the method. The time of a reading is kept as a whole, as `update_s`.
     """
     true_pose = _steps(trials.true_pose)
@@ -137,7 +137,7 @@ def rounded(trials: Trials) -> Trials:
         ),  # the error is rounded once, not twice
         true_pose=true_pose,
         credibility=np.minimum((percent + 0.5) / 100, 1).astype("<f4").astype(float),
-        reading=np.full(trials.reading.shape, -1),
+        touch_index=np.full(trials.touch_index.shape, -1),
         update_s=_mantissa(trials.seconds, _SECONDS_BITS),
         estimate_s=np.zeros(trials.label.shape),
         propose_s=np.zeros(trials.label.shape),

@@ -254,7 +254,7 @@ def regions(estimates: Sequence[Estimate], true_pose: FloatArray, of: Properties
 def _same(trial: Trials, recorded: Trials) -> bool:
     row = (recorded.truth == trial.truth[0]) & (recorded.trial == trial.trial[0])
     return bool(
-        np.array_equal(recorded.reading[row], trial.reading)
+        np.array_equal(recorded.touch_index[row], trial.touch_index)
         and np.array_equal(recorded.label[row], trial.label)
         and np.allclose(recorded.pose[row], trial.pose, rtol=0, atol=1e-6)
     )

@@ -88,7 +88,7 @@ def hash_data(
         (scan.poses, STEP),
         (facts, STEP),
         (trials.true_pose, STEP),
-        (trials.reading, 1),
+        (trials.touch_index, 1),
         (witness.sensor_in_robot, STEP),
         (witness.felt, step),
         (witness.offered, STEP),

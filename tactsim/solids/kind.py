@@ -312,7 +312,7 @@ class Solids(Kind):
     pose = rigid.POSE
     poses: ClassVar = {**Kind.poses, "start_": "start"}
     columns = (
-        "truth", "trial", "touch_number", "label",
+        "truth", "trial", "touch_number", "touch_index", "label",
         *(f"{before}{name}" for before in ("", "true_", "start_") for name in rigid.POSE),
         "p_truth", "p_label", "credibility", "radius_90", "nees", "met", "evaluations",
     )  # fmt: skip

@@ -12,7 +12,7 @@ def make_run(n=3, r=4, seed=0):
     rng = np.random.default_rng(seed)
     trials = Trials(
         truth=np.resize(["A", "E"], n), known=np.ones(n, dtype=bool), trial=np.arange(n) // 2,
-        true_pose=np.repeat(rng.normal(size=(n, 1, 3)), r, axis=1), reading=rng.integers(192, size=(n, r)),
+        true_pose=np.repeat(rng.normal(size=(n, 1, 3)), r, axis=1), touch_index=rng.integers(192, size=(n, r)),
         label=rng.choice(["A", "E"], size=(n, r)), p_truth=rng.random((n, r)), p_label=rng.random((n, r)),
         pose=rng.normal(size=(n, r, 3)), credibility=rng.random((n, r)),
         radius_90=rng.random((n, r)), evaluations=rng.integers(10**9, size=(n, r)),

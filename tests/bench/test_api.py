@@ -296,7 +296,7 @@ def test_a_run_whose_trials_may_end_says_how_many_touches_they_took(tmp_path):
     assert whole.ended is None
     assert ended.as_json()["stop_at"] == 0.9
     loaded = load(ended.save(tmp_path / "ended"))
-    assert np.array_equal(loaded.trials.reading, ended.trials.reading)
+    assert np.array_equal(loaded.trials.touch_index, ended.trials.touch_index)
     assert loaded.summary == ended.summary
     page = loaded.report(tmp_path / "page.html").read_text(encoding="utf-8")
     assert "touches on average" in page

@@ -117,7 +117,7 @@ def test_slopes_of_a_press_are_those_of_its_readings():
 def test_a_trial_knows_more_with_every_reading_and_no_estimator_knows_more_than_the_bound_says():
     run = tactsim.run(letters="AE", trials=3, readings=20, world="level", estimator="nearest")
     bounds = scan_bounds(run.plan.scan, run.trials)
-    assert bounds.shape == run.trials.reading.shape
+    assert bounds.shape == run.trials.touch_index.shape
     # Lengths of Gaussians shrink with their covariances.
     assert (np.diff(bounds[:, 2:], axis=1) <= 1e-12).all()
     assert 0.03 < bounds[:, -1].mean() < 0.09

@@ -22,7 +22,7 @@ def run_with(right_share, error, seed, n=300, r=6):
     many = {name: np.zeros((n, r)) for name in ("p_truth", "p_label", "update_s", "estimate_s", "propose_s")}
     trials = replace(
         trials, truth=np.full(n, "A"), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose, pose=pose,
-        label=np.where(right, "A", "E"), reading=np.zeros((n, r), int), evaluations=np.zeros((n, r), int), **many,
+        label=np.where(right, "A", "E"), touch_index=np.zeros((n, r), int), evaluations=np.zeros((n, r), int), **many,
     )  # fmt: skip
     return replace(base, trials=trials, about={"protocol": "same"})
 

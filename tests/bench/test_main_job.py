@@ -175,7 +175,7 @@ def recognise(rows, scan, interpolation):
             belief = dict.fromkeys(LETTERS, 0.0)
         true = np.array([float(row[f"true_{axis}"]) for axis in ("x", "y", "theta")])
         tests = np.flatnonzero((scan["labels"] == row["truth"]) & (scan["split"] == "test"))
-        index = tests[int(row["reading"])]
+        index = tests[int(row["touch_index"])]
         sensor_in_robot = compose(inverse(true), scan["poses"][index])
         places = taxels_at(compose(states, sensor_in_robot), scan["taxel_xy"])
         for name, chart in maps.items():  # eq. 13

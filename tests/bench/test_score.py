@@ -25,7 +25,7 @@ def make_trials(label, truth="A", pose_error=0.0):
     zeros = np.zeros((n, r))
     return Trials(
         truth=np.full(n, truth), known=np.ones(n, dtype=bool), trial=np.arange(n), true_pose=true_pose,
-        reading=zeros.astype(int), label=label, p_truth=np.full((n, r), 0.5), p_label=np.full((n, r), 0.75),
+        touch_index=zeros.astype(int), label=label, p_truth=np.full((n, r), 0.5), p_label=np.full((n, r), 0.75),
         pose=estimated, evaluations=zeros.astype(int),
         credibility=zeros, radius_90=zeros, nees=zeros, update_s=zeros, estimate_s=zeros, propose_s=zeros,
     )  # fmt: skip

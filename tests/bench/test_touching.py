@@ -117,7 +117,7 @@ def test_a_press_that_does_not_come_to_rest_is_no_reading():
     last = Last()
     found = trial_of(last, press, readings=10)
     assert len(last.seen) == 10 < len(last.shown)
-    assert len(set(found.reading[0].tolist())) == 10
+    assert len(set(found.touch_index[0].tolist())) == 10
 
 
 @pytest.mark.long
@@ -132,7 +132,7 @@ def test_blind_touches_are_the_same_for_every_estimator_and_any_number_of_proces
     words = {"letters": "IL", "trials": 2, "readings": 4, "explore": "blind", "bins": 100}
     one = perform(run_config(estimator="histogram", **words))
     two = perform(run_config(estimator="refined", **words), jobs=2)
-    assert np.array_equal(one.trials.reading, two.trials.reading)
+    assert np.array_equal(one.trials.touch_index, two.trials.touch_index)
     assert one.protocol == two.protocol == "touches in the robot's frame, random order"
 
 

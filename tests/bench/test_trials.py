@@ -168,7 +168,7 @@ def test_a_trial_depends_on_seed_letter_and_number_alone():
     alone = trials_of(Witness(Options()), scan.of_letters("U"), count=2)
     chosen = whole.truth == "U"
     assert np.array_equal(whole.true_pose[chosen], alone.true_pose)
-    assert np.array_equal(whole.reading[chosen], alone.reading)
+    assert np.array_equal(whole.touch_index[chosen], alone.touch_index)
 
 
 def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
@@ -178,7 +178,7 @@ def test_a_proposing_estimator_chooses_among_the_readings_that_are_left():
     of_a, task = scan.where("test", "A"), OneTrial("A", 0)
     rules = TrialRules(5, 0, "information")
     trial = run_trial(witness, of_a, task, rules, letters=scan.letters, of=PLAIN)
-    assert trial.reading[0].tolist() == [19, 18, 17, 16, 15]
+    assert trial.touch_index[0].tolist() == [19, 18, 17, 16, 15]
     assert (trial.evaluations == 7).all()
 
 
@@ -273,11 +273,11 @@ def test_a_trial_ends_as_soon_as_it_is_sure(kind, stop_at, touches):
         for end in (stop_at, None)
     )  # fmt: skip
     assert (ended.touches == touches).all()
-    assert (ended.reading[:, touches:] == NOT_TAKEN).all()
-    for name in ("reading", "label", "p_label", "p_truth", "pose", "true_pose"):
+    assert (ended.touch_index[:, touches:] == NOT_TAKEN).all()
+    for name in ("touch_index", "label", "p_label", "p_truth", "pose", "true_pose"):
         column = getattr(ended, name)
         np.testing.assert_array_equal(column[:, :touches], getattr(whole, name)[:, :touches])
-        if name != "reading":
+        if name != "touch_index":
             assert (column[:, touches:] == column[:, touches - 1 : touches]).all()
     assert not ended.seconds[:, touches:].any()
 
@@ -409,7 +409,7 @@ def test_each_letter_held_out_in_turn_is_what_holding_out_one_by_one_gives(tmp_p
     for letter in "EIL":
         alone = tactsim.run(hold_out=letter, **words).trials
         ours, theirs = run.trials.truth == letter, alone.truth == letter
-        assert (run.trials.reading[ours] == alone.reading[theirs]).all()
+        assert (run.trials.touch_index[ours] == alone.touch_index[theirs]).all()
         assert (run.trials.label[ours] == alone.label[theirs]).all()
         assert run.trials.label[ours].tolist() != [[letter] * 4]
         assert run.trials.p_label[ours] == pytest.approx(alone.p_label[theirs], abs=1e-6)

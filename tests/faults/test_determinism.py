@@ -65,7 +65,7 @@ def test_processes_cache_and_hashes_change_no_bit(answer, first, name):
 def test_the_order_of_the_letters_changes_no_trial(answer, first):
     _, trials = first
     _, turned = answer(*ESTIMATORS["histogram"], letters="OE")
-    exact = ("truth", "trial", "reading_number", "reading", "label", "x", "y", "theta", "true_x")
+    exact = ("truth", "trial", "reading_number", "touch_index", "label", "x", "y", "theta", "true_x")
     key = lambda row: (row["truth"], int(row["trial"]), int(row["reading_number"]))  # noqa: E731
     for one, other in zip(sorted(rows_of(trials), key=key), sorted(rows_of(turned), key=key), strict=True):
         assert [one[name] for name in exact] == [other[name] for name in exact]

@@ -94,7 +94,7 @@ def trials_of(run: Path) -> str:
     kept = ("truth", "trial", "reading_number", "reading", "label")
     rows = (
         (
-            *(row[name] for name in kept),
+            *(row["touch_index" if name == "reading" else name] for name in kept),
             float(row["p_label"]),
             placement_error(pose(row), pose(row, "true_"), objects[row["truth"]]),
         )

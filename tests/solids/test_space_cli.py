@@ -119,7 +119,7 @@ def test_a_trial_ends_as_soon_as_it_is_sure(tmp_path):
     assert np.array_equal(ended.trials.pose[:, -1], whole.trials.pose[:, 0])
     assert "stop at 0.3" in ended.protocol
     again = load(ended.save(tmp_path / "ended"))
-    assert np.array_equal(again.trials.reading, ended.trials.reading)
+    assert np.array_equal(again.trials.touch_index, ended.trials.touch_index)
     assert again.summary == ended.summary
 
 

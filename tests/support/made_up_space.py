@@ -36,7 +36,8 @@ def make_space_trials(n=5, r=4, seed=0):
     )
     return SpaceTrials(
         truth=np.resize(OBJECTS, n), known=np.full(n, True), trial=np.arange(n),
-        true_pose=np.repeat(true[:, None], r, axis=1), reading=np.tile(np.arange(r), (n, 1)), start=poses(rng, n, r),
+        true_pose=np.repeat(true[:, None], r, axis=1), start=poses(rng, n, r),
+        touch_index=rng.integers(24, size=(n, r)),
         met=rng.integers(0, 2, size=(n, r)), label=rng.choice(OBJECTS, size=(n, r)), p_truth=rng.random((n, r)),
         p_label=rng.random((n, r)), pose=rigid.compose(near, true[:, None]),
         credibility=np.where(rng.random((n, r)) < 0.3, np.nan, rng.random((n, r))), radius_90=rng.random((n, r)),

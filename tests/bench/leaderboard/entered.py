@@ -66,7 +66,7 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
     other = np.roll(letters, 1)[np.searchsorted(letters, truth, sorter=np.argsort(letters))]
     trials = Trials(
         truth=truth, known=known, trial=number, true_pose=true_pose,
-        reading=own.integers(192, size=(n, r)), label=np.where(right, answer[:, None], other[:, None]),
+        touch_index=own.integers(192, size=(n, r)), label=np.where(right, answer[:, None], other[:, None]),
         p_truth=own.random((n, r)), p_label=own.random((n, r)), pose=compose(true_pose, step),
         credibility=own.random((n, r)), radius_90=own.random((n, r)), evaluations=own.integers(100, size=(n, r)),
         update_s=seconds * (1 + own.random((n, r))), estimate_s=np.zeros((n, r)), propose_s=np.zeros((n, r)),

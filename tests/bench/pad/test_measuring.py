@@ -59,7 +59,7 @@ def test_trials_are_measured_stopped_gone_on_with_and_scored(bench, here, scan_f
         test = plan.test_readings(OneTrial(letter, trial))
         assert np.array_equal(test.readings, own.readings)
         assert np.array_equal(test.poses, own.poses)
-        assert sorted(run.trials.reading[number]) == [0, 1, 2]
+        assert sorted(run.trials.touch_index[number]) == [0, 1, 2]
 
     # What is measured once serves every estimator, without a pad; and a run can be done again from its own settings.
     config = {**run.config, "presses": folder}
