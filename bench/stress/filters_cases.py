@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,9 @@ from tactsim.bench.stress.maps_cases import (
     straight_readings,
 )
 from tactsim.core import compose, wrap_angle
+from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.motion import parse_motion
+from tactsim.estimators.filters.particle_kernels import PARZEN_STEP, draw, parzen_mode
 from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.registry import load
 from tactsim.models import names
@@ -422,3 +425,124 @@ def _frames(worst: Worst) -> None:
         # Placements T_O^R compose with states T_R^O to nothing, before the step and after.
         nothing = compose((motion.placed(state) * [1, 1, motion.ratio]) + step, moved.T)
         worst.see(np.abs(nothing[:, :2]), f"steps of {size}")
+
+
+@case(
+    "filters.skipping",
+    varied="bins left alone or not, 60 readings of every letter",
+    deviation="probability of a letter; 1 for another letter or pose",
+    limit=1e-6,
+    because="bins that are left alone hold 1e-8 of the belief together",
+)
+def _skipping(worst: Worst) -> None:
+    scan = pressed()
+    lazy, full = (fitted("histogram", scan, bins=2000, gamma=0.6, skip=skip) for skip in (True, False))
+    for label in scan.letters:
+        readings, poses, _ = hidden(scan, label, 60, seed=6)
+        for estimator in (lazy, full):
+            estimator.reset(np.random.default_rng(0))
+        for count, (reading, pose) in enumerate(zip(readings, poses, strict=True), start=1):
+            lazy.update(reading, pose)
+            full.update(reading, pose)
+            ours, whole = lazy.estimate(), full.estimate()
+            where = f"letter {label}, reading {count}"
+            worst.see(np.abs(probabilities(ours) - probabilities(whole)), where)
+            worst.holds(
+                ours.label == whole.label and np.array_equal(ours.robot_in_object, whole.robot_in_object),
+                where,
+            )
+
+
+@case(
+    "filters.trained-on-faults",
+    varied="training readings dead, stuck, saturated or negative throughout, every estimator that learns",
+    deviation="sum of the probabilities from 1",
+    limit=1e-9,
+    because="a map of nothing, or of everything, is a map",
+)
+def _trained_on_faults(worst: Worst) -> None:
+    scan = few(pressed("AEI"), 5)
+    readings, poses, _ = hidden(scan, "E", 4)
+    for what, value in (("dead", 0.0), ("stuck", 50.0), ("saturated", 1e9), ("negative", -1e9)):
+        faulty = np.where(scan.split[:, None] == "train", value, scan.readings)
+        broken = replace(scan, readings=faulty)
+        for name, budget in every_estimator(budget=200, learning=True):
+            see_sound(worst, fitted(name, broken, **budget), readings, poses, f"{name}, {what}")
+
+
+@case(
+    "particles.resampling",
+    varied="weights over 300 decades, equal ones, and all zero but one",
+    deviation="share of draws from the weight's share, in standard deviations of the draw",
+    limit=5.0,
+    because="a draw is right on average; 5 standard deviations happen once in two million",
+)
+def _resampling(worst: Worst) -> None:
+    rng = np.random.default_rng(1)
+    draws = 200_000
+    for what, weight in {
+        "equal": np.ones(50),
+        "over 300 decades": 10.0 ** -np.linspace(0, 300, 50),
+        "one alone, first": np.eye(50)[0],
+        "one alone, last": np.eye(50)[-1],
+        "all tiny": np.full(50, 1e-300),
+        "one particle": np.ones(1),
+    }.items():
+        chosen = np.empty(draws, dtype=np.int64)
+        draw(chosen, weight, rng.standard_exponential(draws + 1))
+        share = weight / weight.sum()
+        count = np.bincount(chosen, minlength=len(weight))
+        spread = np.sqrt(draws * share * (1 - share)) + 1e-9 + (share > 0)
+        worst.see(np.abs(count - draws * share) / spread, what)
+
+
+def cones(nodes: FloatArray, state: FloatArray, weight: FloatArray) -> FloatArray:
+    """Sum eq. 10 and 11, with rho 1, at nodes (n, 3)."""
+    away = nodes[:, :, None] - state
+    away[:, 2] = np.mod(away[:, 2] + math.pi, 2 * math.pi) - math.pi
+    return np.maximum(0, 1 - np.sqrt((away**2).sum(axis=1))) @ weight
+
+
+@case(
+    "particles.mode-of-the-density",
+    varied="particles across the seam of the circle, weights over 30 decades, one to 200 of them",
+    deviation="height of the highest node over that of the mode found, relative, by brute force",
+    limit=1e-9,
+    because="both add up the same cones; columns are left out only where their upper bound is lower",
+)
+def _mode_of_the_density(worst: Worst) -> None:
+    rng = np.random.default_rng(2)
+    turns = round(2 * math.pi / PARZEN_STEP[2])
+    for trial in range(8):
+        count = (1, 2, 30, 200)[trial % 4]
+        seam = rng.choice([0.0, math.pi, -math.pi, 2 * math.pi, 7.0])
+        state = np.stack([rng.uniform(-2, 2, count), rng.uniform(-2, 2, count), rng.normal(seam, 0.4, count)])
+        weight = 10.0 ** -rng.uniform(0, rng.choice([0.5, 30]), count)
+        found, _ = parzen_mode(state, weight)
+        x, y, k = np.meshgrid(np.arange(-8, 9), np.arange(-8, 9), np.arange(turns), indexing="ij")
+        nodes = np.stack([x.ravel(), y.ravel(), k.ravel()], axis=-1) * PARZEN_STEP
+        worst.see(
+            cones(nodes, state, weight).max() / cones(found[None], state, weight)[0] - 1, f"trial {trial}"
+        )
+
+
+@case(
+    "particles.same-seed",
+    varied="the seed of the particles",
+    deviation="answers that differ for one seed, or agree for two",
+    limit=0,
+    because="all randomness comes from the generator that reset is given",
+)
+def _same_seed(worst: Worst) -> None:
+    scan = pressed("AEI")
+    readings, poses, _ = hidden(scan, "E", 5)
+    for name, options in drawing(200):
+        estimator = fitted(name, scan, gamma=0.6, **options)
+        answers = []
+        for seed in (0, 0, 1):
+            # The poses too: few particles may all be of one letter, whatever the seed.
+            got = after(estimator, readings, poses, seed)
+            samples = [] if got.samples is None else got.samples.poses.tolist()
+            answers.append([probabilities(got).tolist(), got.robot_in_object.tolist(), samples])
+        worst.holds(answers[0] == answers[1], f"{name}: two runs of one seed differ")
+        worst.holds(answers[0] != answers[2], f"{name}: two seeds agree")

@@ -336,3 +336,56 @@ def _products_would_be_zero(worst: Worst) -> None:
         worst.holds(product32 == 0 and (product64 == 0) == (total < -745.2), f"{label}: no floor was reached")
         p = probabilities(estimator.estimate())
         worst.holds(estimator.estimate().label == label and np.isfinite(p).all(), f"letter {label}")
+
+
+@case(
+    "likelihood.classifier-edges",
+    varied="readings of zeros, below zero, equal to T, equal to 0.3 e_max, subnormal, 1e9 kPa",
+    deviation="taxels classified otherwise than eq. 3 says",
+    limit=0,
+    because="a comparison has no rounding",
+)
+def _classifier_edges(worst: Worst) -> None:
+    readings = {
+        "zeros": [0.0, -0.0, 0.0],
+        "all negative": [-3.0, -1e-9, -50.0],
+        "equal to T": [2.0, 2.0, 2.0],
+        "beside T": [np.nextafter(2, 0), 2.0, np.nextafter(2, 3)],
+        "equal to 0.3 e_max": [10.0, 3.0, 0.3 * 10.0],
+        "T between": [6.0, 1.8, 1.9],
+        "subnormal": [5e-324, 0.0, -5e-324],
+        "largest": [1e9, -1e9, 3e8],
+    }
+    for name, reading in readings.items():
+        wanted = []
+        for taxel in reading:
+            above = (taxel > 2.0, taxel > 0.3 * max(reading))
+            wanted.append(CONTACT if all(above) else UNKNOWN if any(above) else NO_CONTACT)
+        worst.see(float((classify(reading) != wanted).sum()), name)
+    together = classify(np.array(list(readings.values())))
+    apart = [classify(reading) for reading in readings.values()]
+    worst.see(float((together != apart).sum()), "all at once")
+
+
+@case(
+    "maps.not-finite",
+    varied="NaN and infinity in a map's cells, in a scan's readings, poses and taxels",
+    deviation="how many are taken",
+    limit=0,
+    because="a NaN in a map is silent: accuracy reads exactly 1 / letters",
+)
+def _not_finite(worst: Worst) -> None:
+    scan = pressed("I")
+    for bad in (math.nan, math.inf, -math.inf):
+        grid = np.zeros((4, 5))
+        grid[2, 3] = bad
+        try:
+            OccupancyMap(np.zeros(2), 0.4, grid, 0.2)
+        except ValueError:
+            worst.holds(True, "map")
+        else:
+            worst.holds(False, f"a map with {bad}")
+        for name in ("readings", "poses", "taxel_xy"):
+            values = getattr(scan, name).copy()
+            values[-1, -1] = bad
+            worst.holds(refused(replace, scan, **{name: values}), f"{name} with {bad}")

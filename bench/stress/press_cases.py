@@ -319,3 +319,20 @@ def _through_time(worst: Worst) -> None:
         force = options.press.force
         worst.see(np.abs(found[0] / force - rest).max() / rest.max(), str(setting))
     worst.holds(settled >= len(settings) / 2, f"only {settled} of {len(settings)} settle")
+
+
+@case(
+    "press.parts",
+    varied="the convex parts of every letter and digit",
+    deviation="their areas' sum from the footprint's area, relative",
+    limit=1e-9,
+    because="a cell under two overlapping parts would count twice; corners lie on a grid of 1e-8 mm",
+)
+def _parts(worst: Worst) -> None:
+    for name in models.names():
+        letter = models.letter(name)
+        total = sum(
+            abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
+            for x, y in (part.outline.T for part in letter.parts)
+        )
+        worst.see(abs(total / letter.area - 1), name)
