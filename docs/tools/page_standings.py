@@ -54,7 +54,7 @@ def _table(of: Standings) -> str:
 
 
 def _row(of: Standings, one: Entrant, seen: Sequence[int]) -> list[str]:
-    again = f"{one.check.again} of {one.check.trials}" if one.check and one.confirmed else "unconfirmed"
+    again = str(one.check.again) if one.check and one.confirmed else "unconfirmed"
     bound = _cell(one, f"efficiency@{of.readings}").partition(" ")[0]
     return [
         rank_words(one.rank), _escaped(one.label), _cell(one, of.by),

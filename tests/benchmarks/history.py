@@ -1,7 +1,7 @@
 """Keep a release's times in results/benchmarks, and draw those of all: `python history.py VERSION.json TIMED...`.
 
 `make bench` calls it with the files that pytest-benchmark wrote. A panel for each benchmark, its least time in ms over
-the releases; docs/performance/speed-over-time.md shows it.
+the releases; docs/performance.md shows it.
 """
 
 import json
