@@ -52,10 +52,6 @@ NOT_RUN = {
     ),
     ("docs/other-tools.md", "zarr is no dependency"),
     ("docs/other-tools.md", "rerun is no dependency"),
-    (
-        "docs/hardware.md",
-        "the first block of this page does the same with its own scans, and fitting takes a minute",
-    ),
     ("results/README.md", "RUN stands for a folder; tests/bench/test_results.py runs these lines on one"),
     (
         "docs/submit.md",
