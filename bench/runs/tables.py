@@ -59,25 +59,24 @@ def heading(figure: str, kind: str = PLANE) -> str:
     return (metric_of(name, kind).heading or f"{name} after {{}}").format(at.replace(",", ", "))
 
 
-def made_of(pools: Sequence[Pooled], intervals: bool = True) -> str:
-    """Say of how many scans and trials the figures of a table are, and how many bins were made of those asked for."""
+def scans_and_trials(pools: Sequence[Pooled]) -> str:
+    """Say of how many scans and trials the figures of a table are."""
     scans = sorted({len(one.runs) for one in pools})
     trials = sorted({len(one.trials.truth) for one in pools})
-    over = "scans and trials" if scans[-1] > 1 else "trials of one scan"
-    counts = [
-        " or ".join(map(str, numbers[:-1])) + " or " * (len(numbers) > 1) for numbers in (scans, trials)
-    ]
+    counts = [" or ".join(map(str, of[:-1])) + " or " * (len(of) > 1) for of in (scans, trials)]
+    return f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')}"
+
+
+def made_of(pools: Sequence[Pooled]) -> str:
+    """Say of what a table's figures and intervals are, and how many bins were made of those asked for."""
+    over = "scans and trials" if any(len(one.runs) > 1 for one in pools) else "trials of one scan"
     fewer = {
         f"; {one.budget.text} bins: {made[1]} in equal steps"
         for one in pools
         if one.budget and (made := re.search(r"= ([\d,]+) bins", one.run.about["description"]))
         if made[1] != one.budget.text
     }
-    return (
-        f"{counts[0]}{counted(scans[-1], 'scan')}, {counts[1]}{counted(trials[-1], 'trial')}"
-        + f"; in brackets 95 % intervals over {over}" * intervals
-        + "".join(sorted(fewer))
-    )
+    return f"{scans_and_trials(pools)}; in brackets 95 % intervals over {over}{''.join(sorted(fewer))}"
 
 
 def meaning(pools: Sequence[Pooled]) -> list[str]:

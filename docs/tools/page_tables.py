@@ -25,7 +25,7 @@ from tactsim.bench.places import SWEEPS
 from tactsim.bench.report.write import find
 from tactsim.bench.results import Run, load
 from tactsim.bench.runs.pooled import Pooled, cell, pool
-from tactsim.bench.runs.tables import made_of, markdown_table, plain_rows
+from tactsim.bench.runs.tables import markdown_table, plain_rows, scans_and_trials
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError
 from tactsim.core.errors import counted, unknown
@@ -74,8 +74,8 @@ def _of_methods(pools: Sequence[Pooled], methods: Sequence[str]) -> list[Pooled]
 
 
 def _origin(sweep: str, pools: Sequence[Pooled]) -> str:
-    """Say beneath a table how it was made; what its brackets hold, the page says once."""
-    return f"*`bench sweep {sweep}`: {made_of(pools, False)}; commit {_commit(pools[0].runs[0])}.*"
+    """Say beneath a table how it was made; what brackets hold, and of how many bins filters are, the page says once."""
+    return f"*`bench sweep {sweep}`: {scans_and_trials(pools)}; commit {_commit(pools[0].runs[0])}.*"
 
 
 def _commit(run: Run) -> str:
