@@ -50,7 +50,8 @@ def _table(of: Standings) -> str:
     rows += [
         [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 4] for one in of.unranked
     ]
-    return f"{markdown_table(rows)}\n{_origin(of)}\n"
+    columns = [column for column in zip(*rows, strict=True) if set(column[1:]) - {MISSING, ""}]
+    return f"{markdown_table(list(zip(*columns, strict=True)))}\n{_origin(of)}\n"
 
 
 def _row(of: Standings, one: Entrant, seen: Sequence[int]) -> list[str]:
