@@ -73,7 +73,7 @@ def test_cases_are_chosen_by_name_and_by_tag():
 
 
 # Each fits every estimator, or one many times: a minute for all of them. By default much of what they find is found by
-# tests/estimators/test_contract.py: one letter, readings without contrast, poses far away; and by test_pad_fit.py.
+# tests/estimators/test_registry.py: one letter, readings without contrast, poses far away; and by test_pad_fit.py.
 LONG = (
     "filters.budget-of-one",
     "filters.order-of-letters",

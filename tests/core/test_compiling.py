@@ -1,8 +1,9 @@
-"""What was compiled is used again only for the same source, and wherever it can be kept."""
+"""What was compiled is used again only for the same source, wherever it can be kept; what is imported; what fits."""
 
 import ast
 import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from numba import typeof
 
 import tactsim
 from tactsim.bench.compile_kernels import modules_with_kernels
+from tactsim.core import InputError, memory
 from tactsim.core.compiling import Ints1D, Reals, Reals2D, numba_type
 
 CALLEE = """
@@ -182,3 +184,38 @@ def test_kernels_take_their_constants_from_files_that_hold_kernels():
 def called(decorator):
     """Name the function that a decorator calls."""
     return getattr(getattr(decorator, "func", None), "id", None)
+
+
+HEAVY = ("mujoco", "numba", "trimesh", "pydantic", "scipy", "matplotlib", "serial")
+
+
+def imported(code, *more):
+    """Run code in a fresh interpreter and say which of the heavy modules, and of `more`, it brought."""
+    script = f"{code}\nimport sys; print('', *[name for name in {HEAVY + more} if name in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(run.stdout.splitlines()[-1].split())
+
+
+def test_help_brings_neither_numpy_nor_a_configuration():
+    assert not imported(
+        "from tactsim.bench.cli.app import app; app(['--help'], standalone_mode=False)", "numpy"
+    )
+
+
+def test_what_fits_passes_and_what_does_not_is_refused_in_one_line_with_the_estimate(monkeypatch):
+    monkeypatch.setattr(memory, "free_memory", lambda: 4e9)
+    memory.require(4e9, "5 letters", "choose fewer")
+    with pytest.raises(
+        InputError, match=r"5 letters would take about 12\.8 GB .* 4\.0 GB are free; choose"
+    ) as caught:
+        memory.require(12.8e9, "5 letters", "choose fewer")
+    assert "\n" not in str(caught.value)
+
+
+def test_the_least_of_all_limits_counts(monkeypatch):
+    free = memory.free_memory()
+    assert 0 < free < float("inf")
+    used = memory._text(memory.Path("/proc/self/statm")).split()[0]
+    limit = int(used) * resource.getpagesize() + 1_000_000
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (limit, limit))
+    assert 0 <= memory.free_memory() <= 1_000_000

@@ -1,13 +1,17 @@
+"""Documents, texts and numbers from outside: what is read, bounded and refused in one line."""
+
 import os
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from tactsim.core.checking import checked
 from tactsim.core.documents import parse_json, parse_toml, read_json, read_text, read_toml
 from tactsim.core.errors import InputError, printable, short, unknown
+from tactsim.core.finite import LARGEST, finite
 
 
 def refusal(call, *arguments):
@@ -141,3 +145,18 @@ class Row(BaseModel):
 )
 def test_all_that_is_missing_is_named(model, values, said):
     assert refusal(checked, model, values, "f").endswith(said)
+
+
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 1.001e9])
+def test_the_first_number_that_may_not_enter_is_named(bad):
+    table = np.zeros((3, 4))
+    table[1, 2] = table[2, 0] = bad
+    with pytest.raises(InputError, match=r"^readings\[1, 2\] is .*; only finite numbers up to 1e\+09 are"):
+        finite(table, "readings")
+
+
+def test_what_is_finite_passes_as_it_is():
+    values = [LARGEST, -LARGEST, 0.0, 5e-324]
+    assert finite(values, "x").tolist() == values
+    assert finite([[1, 2]], "x").dtype == np.float64
+    assert finite([], "x").shape == (0,)

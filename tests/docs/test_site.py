@@ -5,8 +5,10 @@ import subprocess
 import sys
 
 import pytest
-from pages import PAGES, ROOT
+from pages import BLOCKS, PAGES, ROOT, SHELL, bench, commands, only
 
+from tactsim.bench import sweep
+from tactsim.bench.cli.app import VERBS, load
 from tactsim.bench.tasks import names, task
 from tactsim.estimators.registry import BUILT_IN
 
@@ -73,3 +75,61 @@ def test_the_site_is_built_and_asks_for_nothing_from_a_network(tmp_path):
     assert any(re.search(r"\d-\u2060\d", cell) for cell in cells)
     assert not any(re.search(r"\d-\d", re.sub(r"<code.*?</code>", "", cell, flags=re.S)) for cell in cells)
     assert "\u2060" not in "".join(re.findall(r"<pre>.*?</pre>", results, flags=re.S))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(encoding="utf-8"), flags=re.S)
+    for target in re.findall(r"\]\(([^)\s]+)\)|(?:src|href|srcset)=\"([^\"]+)\"", text):
+        link = target[0] or target[1]
+        if re.match(r"\w+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        goal = (page.parent / path) if path else page
+        assert goal.exists(), link
+        if anchor:
+            assert anchor in anchors(goal.read_text(encoding="utf-8")), link
+
+
+def anchors(text):
+    """Name the headings as GitHub does."""
+    headings = re.findall(r"^#+ +(.*)", text, re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+SHELL_COMMANDS = [(block, words) for block in BLOCKS if block.language in SHELL for words in commands(block)]
+
+
+def calls(find):
+    """List what is given to a program, with the block in which it is called."""
+    return [
+        pytest.param(arguments, id=f"{block.page}:{block.line} {' '.join(arguments)[:60]}")
+        for block, words in SHELL_COMMANDS
+        if (arguments := find(words)) is not None
+    ]
+
+
+@pytest.mark.parametrize("arguments", calls(bench))
+def test_a_bench_command_is_understood(arguments):
+    if not arguments or arguments[0].startswith("-"):
+        return
+    verb, *rest = arguments
+    assert verb in VERBS
+    if not {"-h", "--help"} & set(rest):
+        load(verb).make_context(f"bench {verb}", list(rest))
+    if verb == "sweep":
+        assert rest[0] in sweep.suites() or rest[0].endswith(".toml")
+
+
+@pytest.mark.parametrize("arguments", calls(lambda words: only(words, "make")))
+def test_a_make_target_exists(arguments):
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    for word in arguments:
+        assert "=" in word or word in targets
+
+
+def test_the_site_can_be_built_in_a_fresh_clone(tmp_path):
+    """The tutorials import what only the extras bring."""
+    words = ["make", "--dry-run", "docs", f"VENV={tmp_path}"]
+    steps = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert 0 < steps.find("-r requirements-dev.lock") < steps.find("sphinx-build")

@@ -1,6 +1,8 @@
 """The example of a hand with five pads: it holds what it grasps, no sum is wrong, and picture and film are written."""
 
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -53,3 +55,28 @@ def test_an_object_is_lifted_and_at_no_moment_is_a_sum_wrong(example, name, seco
     lifted = data.body(name).xpos[2] - {"ball": 0.033, "egg": 0.03, "letter": 0.026}[name]
     assert lifted > (0.04 if seconds > 3 else 0.005)
     assert loaded > 100
+
+
+RELIEF = Path(__file__).parents[2] / "examples" / "relief"
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
+
+
+def facets(path):
+    return np.frombuffer(path.read_bytes()[84:], dtype=_FACET)  # behind the header of a binary STL
+
+
+def make(*words):
+    return subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, check=False)
+
+
+def test_the_script_makes_the_files_that_are_pressed(tmp_path):
+    made = make(RELIEF / "make.py", tmp_path / "made")
+    assert (made.returncode, made.stderr) == (0, "")
+    names = sorted(path.name for path in RELIEF.glob("*.stl"))
+    assert names == sorted(path.name for path in (tmp_path / "made").iterdir())
+    for name in names:
+        own, kept = facets(tmp_path / "made" / name), facets(RELIEF / name)
+        np.testing.assert_array_equal(own["corners"], kept["corners"], name)
+        np.testing.assert_allclose(own["normal"], kept["normal"], atol=1e-6, err_msg=name)
+        lengths = np.abs(own["corners"])
+        assert not ((lengths > 0) & (lengths < 1e-6)).any(), name

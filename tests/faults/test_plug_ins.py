@@ -2,6 +2,7 @@
 
 import json
 import os
+import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -211,3 +212,39 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file):
 )
 def test_a_source_that_is_none_is_named_in_one_line(called_here, name, said):
     refused(called_here("probe", "--port", f"{name}:x", "--seconds", "0.1"), f"plug-in '{name}'", said)
+
+
+EVERY_MODULE = """
+import pkgutil, sys
+from importlib import import_module
+
+import tactsim
+
+names = [module.name for module in pkgutil.walk_packages(tactsim.__path__, "tactsim.")]
+for name in names:
+    import_module(name)
+for name in [name for name in sys.modules if name.partition(".")[0] == "tactsim"]:
+    del sys.modules[name]
+sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "tty", "pty", "grp", "pwd"))  # cannot be imported
+for name in names:
+    import_module(name)
+"""
+START = """
+import sys
+import tactsim.bench.cli.app
+from tactsim.bench.cli import main
+
+sys.platform, sys.argv = "win32", ["bench", "--version"]
+main()
+"""
+
+
+@pytest.mark.long
+def test_every_module_is_imported_without_those_of_posix():
+    result = subprocess.run([sys.executable, "-c", EVERY_MODULE], text=True, capture_output=True)
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_command_starts_on_windows():
+    result = subprocess.run([sys.executable, "-c", START], text=True, capture_output=True)
+    assert (result.returncode, result.stderr) == (0, "")

@@ -14,7 +14,7 @@ from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.emulator import emulate
 from tactsim.hardware.recorded import Replay
 from tactsim.hardware.recording import Recorder, RecordReader
-from tactsim.hardware.sources import Checked, Corrected, Recorded, open_source
+from tactsim.hardware.sources import Checked, Corrected, Paced, Recorded, open_source
 
 
 class Foreign(Source):
@@ -228,3 +228,49 @@ def test_a_recording_with_a_calibration_takes_no_other(tmp_path):
 def test_a_place_that_is_none_is_one_line(place, message):
     with pytest.raises(InputError, match=message):
         open_source([place], small_device())
+
+
+class Listed(Source):
+    def __init__(self, times):
+        self._times = list(times)
+        self.counters = Counters()
+
+    def read(self, timeout=None):
+        if not self._times:
+            raise SourceEnded("over")
+        return Reading(np.zeros(1), self._times.pop(0))
+
+    def close(self):
+        pass
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+
+def played(times, busy=0.0):
+    clock = Clock()
+    given = []
+    for reading in Paced(Listed(times), lambda: clock.now, clock.sleep):
+        given.append((reading.host_time - 100.0, clock.now - 100.0))
+        clock.now += busy
+    return np.array(given)
+
+
+def test_readings_come_when_they_did():
+    times = [5.0, 5.1, 5.15, 5.9]
+    np.testing.assert_allclose(played(times, busy=0.01), np.array([times, times]).T - 5.0)
+
+
+def test_long_pauses_and_clocks_that_go_back_are_cut_short():
+    np.testing.assert_allclose(played([5.0, 500.0, 3.0])[:, 1], [0.0, 1.0, 1.0])
+
+
+def test_a_reader_that_was_away_does_not_make_it_hurry():
+    given = played(np.arange(0, 6, 0.1), busy=1.6)
+    assert (np.diff(given[:, 1]) >= 1.6 - 1e-9).all()
+    assert (given[:, 1] - given[:, 0] <= 1.0 + 1.6).all()

@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 from level_world import level_press, level_scan
+from manifold3d import Manifold
 
 from tactsim import models
 from tactsim.bench.runs.scan_quality import classifier_agreement
-from tactsim.core import InputError
+from tactsim.core import InputError, Pad
 from tactsim.core.checking import checked
-from tactsim.press import WORLDS, ScanOptions, press_letter, scan_letters
+from tactsim.press import WORLDS, ScanOptions, cache, press_letter, scan_letters
+from tactsim.press.scan_poses import PAPER, grid_poses, random_poses, stage_for
 
 
 def classify(readings, threshold=2.0, share=0.3):
@@ -174,3 +176,138 @@ def test_an_option_that_is_gone_and_says_otherwise_is_one_line(press, message):
     with pytest.raises(InputError, match=message) as refused:
         checked(ScanOptions, {"press": press}, "scan")
     assert "\n" not in str(refused.value)
+
+
+def scaled_pad(k):
+    """Give the paper's pad, every length times k."""
+    pad = Pad()
+    names = ("pitch_x", "pitch_y", "taxel_width", "taxel_height", "seam")
+    return pad.model_copy(update={name: k * getattr(pad, name) for name in names})
+
+
+def box(width, height, name="box"):
+    return models.relief(name, Manifold.cube((width, height, 4.0), True))
+
+
+def test_the_grid_is_the_paper_s():
+    expected = [
+        [x, y, k * np.pi / 6]
+        for x in (-10.2, -3.4, 3.4, 10.2)
+        for y in (-10.2, -3.4, 3.4, 10.2)
+        for k in range(12)
+    ]
+    assert PAPER.poses == 192
+    assert grid_poses() == pytest.approx(np.array(expected))
+
+
+def test_random_poses_are_uniform_over_12_mm_and_all_angles():
+    poses = random_poses(np.random.default_rng(0), 4000)
+    assert random_poses(np.random.default_rng(0)).shape == (192, 3)
+    for values, low, high in zip(poses.T, (-12.0, -12.0, 0), (12.0, 12.0, 2 * np.pi), strict=True):
+        share, _ = np.histogram(values, 8, (low, high))
+        assert share.sum() == 4000
+        assert share / 4000 == pytest.approx(1 / 8, abs=5 * np.sqrt(1 / 8 * 7 / 8 / 4000))
+
+
+@pytest.mark.parametrize("k", [0.2, 3.7])
+@pytest.mark.parametrize("size", [(4, 6), (60, 10)])
+def test_what_is_scaled_together_is_pressed_alike(k, size):
+    at_one = stage_for(Pad(), box(*size))
+    scaled = stage_for(scaled_pad(k), box(k * size[0], k * size[1]))
+    assert np.array(scaled.positions) / k == pytest.approx(np.array(at_one.positions))
+    assert scaled.reach / k == pytest.approx(at_one.reach)
+
+
+@pytest.mark.parametrize(("width", "height"), [(24, 20), (80, 80)])
+@pytest.mark.parametrize("k", [0.7, 2.5])
+def test_the_pad_reaches_the_rim_and_no_gap_is_wider_than_the_paper_s(width, height, k):
+    stage = stage_for(scaled_pad(k), box(width, height))
+    rim = max(width, height) / 2
+    assert stage.positions[-1] + 5.8 * k >= rim - 1e-9 or stage.positions[-1] >= 0.56 * (rim + 5.8 * k) - 1e-9
+    assert np.diff(stage.positions).max() <= 6.8 * k + 1e-9
+    assert len(stage.positions) >= 4
+    assert stage.reach > stage.positions[-1]
+
+
+def test_a_shape_too_large_for_the_pad_is_refused():
+    with pytest.raises(
+        InputError, match=r"'plate' reaches 100 mm from its middle; with this pad a scan covers 70.4 mm"
+    ):
+        stage_for(Pad(), box(200, 50, "plate"))
+    assert len(stage_for(scaled_pad(3), box(200, 50)).positions) < 20
+
+
+OPTIONS = level_scan(letters=("E", "I"))
+
+
+def files(folder):
+    return sorted(folder.glob("*.readings"))
+
+
+def test_a_cached_scan_is_the_same_and_presses_nothing(own_cache, few_angles):
+    fresh, work = scan_letters(OPTIONS)
+    again, less = scan_letters(OPTIONS)
+    uncached, more = scan_letters(OPTIONS, cache=False)
+    assert np.array_equal(fresh.readings, again.readings)
+    assert np.array_equal(fresh.readings, uncached.readings)
+    assert fresh.meta == again.meta == uncached.meta
+    assert work["presses"] == more["presses"] > 0
+    assert (less["presses"], less["skipped"]["cached"]) == (0, 192)
+    assert len(files(own_cache)) == 4
+
+
+def cut(content):
+    return content[: len(content) // 2]
+
+
+def flip(content):
+    return content[:-9] + bytes([content[-9] ^ 1]) + content[-8:]
+
+
+@pytest.mark.parametrize("damage", [cut, flip, lambda _: b""], ids=["cut", "flipped", "empty"])
+def test_a_damaged_file_is_made_again(own_cache, damage, few_angles):
+    fresh, _ = scan_letters(OPTIONS)
+    for path in files(own_cache):
+        path.write_bytes(damage(path.read_bytes()))
+    again, work = scan_letters(OPTIONS)
+    assert work["skipped"]["cached"] == 0
+    assert np.array_equal(fresh.readings, again.readings)
+    assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 192
+
+
+@pytest.mark.parametrize(
+    "other",
+    [level_scan(letters=("E", "I"), seed=1), level_scan(letters=("E", "I"), press=level_press(force=1.0))],
+)
+def test_what_changes_a_reading_changes_the_key(other, few_angles):
+    scan_letters(OPTIONS)
+    assert scan_letters(other)[1]["skipped"]["cached"] == 0
+
+
+def test_another_shape_at_the_same_poses_has_another_key(few_angles):
+    exact = {"placement_mm": 0, "placement_rad": 0, "test_poses": "same"}
+    scan_letters(level_scan(letters=("E",), **exact))
+    assert scan_letters(level_scan(letters=("I",), **exact))[1]["skipped"]["cached"] == 0
+
+
+def test_noise_is_no_reason_to_press_again(few_angles):
+    scan_letters(OPTIONS)
+    noisy = OPTIONS.model_copy(update={"sensor": OPTIONS.sensor.model_copy(update={"noise": 5.0})})
+    scan, work = scan_letters(noisy)
+    assert work["presses"] == 0
+    assert np.array_equal(scan.readings, scan_letters(noisy, cache=False)[0].readings)
+
+
+def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch, few_angles):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv("TACTSIM_CACHE_DIR", str(blocked))
+    scan, work = scan_letters(OPTIONS)
+    assert work["presses"] > 0
+    assert len(scan) == 192
+
+
+def test_readings_of_another_source_are_not_taken(monkeypatch, few_angles):
+    scan_letters(OPTIONS)
+    monkeypatch.setattr(cache, "source_digest", lambda: "0" * 64)
+    assert scan_letters(OPTIONS)[1]["skipped"]["cached"] == 0

@@ -1,5 +1,7 @@
 """Made-up bundles that have the trials of a real task, as good or as bad as one likes."""
 
+from dataclasses import replace
+
 import numpy as np
 from made_up import make_run
 
@@ -86,3 +88,22 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
         times={"seconds": {"total": 1.0}, "peak_memory_mb": 300.0},
         bounds=bound,
     )
+
+
+def make_bundle(seeds=(0, 1), **changes):
+    runs = []
+    for seed in seeds:
+        run = make_run(seed=seed)
+        runs.append(replace(run, config=run.config | {"seed": seed}))
+    said = {
+        "task": "letters-offgrid-v1", "task_data": "a" * 64, "method": "Histogram, 10,000 bins",
+        "estimator": "histogram", "options": {"bins": 10_000}, "reproducible": True, "status": DONE,
+        "versions": {"python": "3"},
+        "source_hash": "b" * 64, "machine": {"processor": "made up", "cores": 1, "system": "none"}, "commit": None,
+        "made": "2026-01-01T00:00:00+00:00",
+    }  # fmt: skip
+    return checked(Bundle, {"package": None} | said | changes | {"runs": kept(runs)}, "bundle")
+
+
+def changed(bundle, **words):
+    return checked(Bundle, dict(bundle) | words, "bundle")

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bundles import changed
 from command_line import refused
+from entered import changed
 
 from tactsim.bench import experiment
 from tactsim.bench.config import run_config
 from tactsim.bench.leaderboard.bundle import DONE, read_bundle, read_record, rounded, write_bundle
+from tactsim.bench.leaderboard.limited import Limits, NoScore, Wanted, limited_runs
 from tactsim.bench.leaderboard.verify import compared
 from tactsim.bench.tasks import task
 from tactsim.bench.tasks.data import hash_data
@@ -264,3 +265,43 @@ def test_an_honest_bundle_is_refused_as_rarely_as_is_said(bundle_of):
             pairs.append([replace(run, trials=replace(run.trials, pose=pose)) for pose in (one, other)])
         refusals += not compared(*zip(*pairs, strict=True), ["its author says so"])[0]
     assert refusals == 0
+
+
+SMALL = {"letters": "IO", "trials": 2, "readings": 4}
+
+
+def apart(name, limits=None, **words):
+    (run,) = limited_runs([Wanted({**SMALL, "estimator": name, **words})], limits=limits)
+    return run
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [
+        ("crash", "crashed: KeyError: \"a bug of the plug-in's\" (failing.py, line"),
+        ("leave", "crashed: its process ended by itself, with status 0"),
+        ("abort", "crashed: its process was ended by SIGABRT"),
+        ("eat", "out of memory: it takes more than 400 MB"),
+    ],
+)  # fmt: skip
+def test_a_method_that_fails_gets_a_status_in_one_line(name, status, plugged):
+    with pytest.raises(NoScore) as caught:
+        apart(name, Limits(memory_mb=400))
+    assert caught.value.status.startswith(status)
+    assert "\n" not in caught.value.status
+    assert "; run 0, after 0 of 4 trials" in caught.value.status
+
+
+@pytest.mark.long
+def test_a_method_that_hangs_is_ended(plugged):
+    with pytest.raises(
+        NoScore, match=r"^timed out: a trial took more than 0\.5 s; run 0, after 0 of 4 trials"
+    ):
+        apart("hang", Limits(trial_s=0.5))
+
+
+@pytest.mark.long
+def test_a_method_may_print(plugged, capfd):
+    assert len(apart("print").trials.truth) == 4
+    assert capfd.readouterr() == ("", "")

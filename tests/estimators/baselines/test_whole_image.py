@@ -1,12 +1,13 @@
-"""Whole images: named wherever and however they lie, told from their mirror images, and sure only where it is right."""
+"""The baselines: the nearest reading, a bag of features, the whole image."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import fitted_anew
+from scipy.stats import multivariate_normal
+from synthetic import fitted_anew, started, two_taxel_scan
 
-from tactsim.core import Pad, Scan
+from tactsim.core import Pad, Scan, compose, invert
 from tactsim.estimators.baselines import whole_image
 
 PAD = Pad(
@@ -114,3 +115,69 @@ def test_the_stated_probability_is_that_of_left_out_presses():
     estimator = fitted_anew("whole-image", mixed)
     sure = [max(named(estimator, reading).probabilities.values()) for reading in mixed.where("test").readings]
     assert np.mean(sure) < 0.6
+
+
+def test_probabilities_are_those_of_kernels_summed_by_hand():
+    rng = np.random.default_rng(1)
+    readings = rng.uniform(0, 9, (7, 2))
+    labels = np.array(["B", "A", "C", "A", "B", "A", "A"])  # of unequal numbers
+    estimator = started("nearest", two_taxel_scan(readings, labels), width=2.5)
+    expected = dict.fromkeys("ABC", 1.0)
+    for reading in rng.uniform(0, 9, (4, 2)):
+        estimator.update(reading, [0, 0, 0])
+        for label in expected:
+            kernels = [multivariate_normal.pdf(reading, mean, 2.5**2) for mean in readings[labels == label]]
+            expected[label] *= np.mean(kernels)
+        total = sum(expected.values())
+        estimate = estimator.estimate()
+        assert estimate.probabilities == pytest.approx({label: p / total for label, p in expected.items()})
+        assert estimate.label == max(expected, key=expected.get)
+
+
+def test_the_width_is_the_rms_distance_to_the_nearest_other_of_the_letter():
+    scan = two_taxel_scan([[0, 0], [3, 4], [0, 1], [100, 100], [100, 102]], list("AAABB"))
+    # squared distances to the nearest: A 1, 18, 1; B 4, 4; of two taxels
+    assert started("nearest", scan).width == pytest.approx(np.sqrt((1 + 18 + 1 + 4 + 4) / 5 / 2))
+    assert started("nearest", scan, width=7.0).width == 7.0
+
+
+def test_a_reading_beside_the_letter_does_not_say_where():
+    scan = two_taxel_scan([[50, 20], [0, 0.2]], ["A", "A"], [[1, 2, 0.3], [9, 9, 0]])
+    estimator = started("nearest", scan)
+    estimator.update([50, 21], [4, 0, 0])
+    before = estimator.estimate().robot_in_object
+    assert before == pytest.approx(compose([1, 2, 0.3], invert([4, 0, 0])))
+    estimator.update([0, 0.1], [0, 5, 0])  # nearer to its training reading, in kPa, than the first to its own
+    assert estimator.estimate().robot_in_object == pytest.approx(before)
+
+
+GROUPS = np.array([[0, 0], [50, 0], [50, 60]])
+
+
+def clustered():
+    """Readings around three centres; A has given 6, 3 and 1 of them, B 1, 1 and 3."""
+    rng = np.random.default_rng(3)
+    which = np.repeat([0, 1, 2, 0, 1, 2], [6, 3, 1, 1, 1, 3])
+    labels = np.repeat(["A", "B"], [10, 5])
+    return two_taxel_scan(GROUPS[which] + rng.normal(0, 0.5, (15, 2)), labels), which, labels
+
+
+def test_the_words_are_the_means_of_what_is_alike():
+    scan, which, _ = clustered()
+    words = started("bag-of-features", scan, words=3).words
+    expected = np.array([scan.readings[which == group].mean(axis=0) for group in range(3)])
+    order = np.lexsort(words.T[::-1])
+    assert words[order] == pytest.approx(expected)
+
+
+def test_probabilities_are_products_of_shares_counted_by_hand():
+    estimator = started("bag-of-features", clustered()[0], words=3)
+    shares = {"A": (np.array([6, 3, 1]) + 0.5) / 11.5, "B": (np.array([1, 1, 3]) + 0.5) / 6.5}
+    product = dict.fromkeys("AB", 1.0)
+    for group in (2, 0, 2, 1):
+        estimator.update(GROUPS[group] + 1.0, [3, 4, 5])
+        product = {label: p * shares[label][group] for label, p in product.items()}
+        total = sum(product.values())
+        said = estimator.estimate()
+        assert said.probabilities == pytest.approx({label: p / total for label, p in product.items()})
+        assert said.label == max(product, key=product.get)

@@ -7,6 +7,9 @@ from synthetic import BarForward, follow, make_scan, placement_error, pressures,
 from tactsim import estimators
 from tactsim.core import InputError, Scan, compose, invert, transform
 from tactsim.core.forward import Linearised
+from tactsim.estimators.synthesis.learned_pad import LearnedPad
+from tactsim.estimators.synthesis.modes import expand, likeliest_press
+from tactsim.estimators.synthesis.pose_bank import PoseBank
 
 
 class Forward(BarForward):
@@ -141,3 +144,95 @@ def test_a_first_reading_that_misleads_is_overcome(letters):
 def test_without_a_forward_model_it_says_what_to_do():
     with pytest.raises(InputError, match=r"bring\(tactsim.press.forward_model\(scan\)\)"):
         estimators.create("synthesis").fit(make_scan("L"))
+
+
+class TurnedForward(BarForward):
+    """The same pad, which may say that half a turn reverses a reading, and letters that may be symmetric."""
+
+    def __init__(self, shapes, turns, symmetry):
+        super().__init__(shapes, square_pad())
+        self.turns = turns
+        self.symmetry = dict.fromkeys(shapes, symmetry)
+
+
+POSE = np.array([3.0, -4.0, 0.7])  # sensor_in_robot
+
+
+@pytest.mark.parametrize(("shape", "turns", "symmetry"), [("L", 1, 1), ("L", 2, 1), ("I", 2, 2), ("I", 1, 2)])
+def test_every_place_is_one_at_which_its_prediction_is_felt(shape, turns, symmetry):
+    forward = TurnedForward(shape, turns, symmetry)
+    bank = PoseBank.pressed(LearnedPad.as_told(forward), shape, 3.0, 6)
+    reading = forward.readings(shape, np.array([[2.0, 1.0, 4.0]]))[0]
+    places = bank.places(reading, POSE, 8.0)
+    assert np.abs(places.state[:, :2]).max() <= 8
+    some = np.random.default_rng(0).permutation(len(places.score))[:200]
+    poses = compose(places.state[some], POSE)
+    found = bank.predicted(places.entry[some], places.turned[some], places.factor[some])
+    exact = forward.linearised(shape, poses)
+    np.testing.assert_allclose(found.mean, exact.mean, atol=1e-3)
+    np.testing.assert_allclose(found.by_pose, exact.by_pose, atol=0.05 * np.abs(exact.by_pose).max())
+    # As many places as cells of that size fill the states that are told apart.
+    cells = (16 / 3) ** 2 * 12 / symmetry
+    assert len(places.score) == pytest.approx(cells, rel=0.2)
+    misfit = ((exact.mean - reading) ** 2).sum(axis=1)
+    variance = bank.variance[places.entry[some]]
+    expected = -misfit / (2 * variance) - 18 * np.log(variance)
+    np.testing.assert_allclose(places.score[some], expected, rtol=1e-4)
+    np.testing.assert_allclose(bank.log_p_at(reading, poses), expected, rtol=1e-4)
+
+
+def test_beside_the_letter_there_is_noise_alone():
+    forward = TurnedForward("L", 2, 1)
+    bank = PoseBank.pressed(LearnedPad.as_told(forward), "L", 3.0, 6)
+    reading = np.full(36, 3.0)
+    expected = -9 * 36 / (2 * 4) - 18 * np.log(4)
+    np.testing.assert_allclose(bank.log_p_at(reading, np.array([[200.0, 0, 0], [9e8, -9e8, 1]])), expected)
+
+
+def test_the_likeliest_press_is_the_ridge_regression():
+    rng = np.random.default_rng(7)
+    found = Linearised(rng.normal(size=(3, 8)), np.zeros((3, 3, 8)), rng.normal(size=(3, 2, 8)))
+    readings = rng.normal(size=(3, 8))
+    likely = likeliest_press(readings, found.mean, found.nuisance, 0.5, 0.0)
+    for reading, mean, slopes, off in zip(readings, found.mean, found.nuisance, likely, strict=True):
+        rows = np.vstack([slopes.T / 0.5, np.eye(2)])
+        target = np.concatenate([(reading - mean) / 0.5, np.zeros(2)])
+        np.testing.assert_allclose(off, np.linalg.lstsq(rows, target)[0], rtol=1e-9)
+
+
+def test_an_expansion_is_that_of_the_log_likelihood():
+    rng = np.random.default_rng(3)
+    by_pose, nuisance = rng.normal(size=(3, 8)), rng.normal(size=(2, 8))
+    readings, number, letter = rng.normal(size=(2, 8)), np.array([1, 0, 1]), np.array([0, 1, 0])
+    poses, origin = rng.normal(size=(3, 3)), np.array([1.0, -2.0, 0.4])
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+
+    def expanded(state):
+        """Readings are linear in the sensor's motion along its own axes at `origin`, and each letter's differ."""
+        off = compose(state, poses) - origin
+        own = np.column_stack([off[:, :2] @ turn, off[:, 2]])
+
+        def predict(one, which):
+            shape = (len(which), 1, 1)
+            return Linearised(
+                3.0 * one + own[which] @ by_pose, np.tile(by_pose, shape), np.tile(nuisance, shape)
+            )
+
+        return expand(letter, state, poses, readings, number, predict, 0.5)
+
+    state = np.array([compose(origin, invert(pose)) for pose in poses])
+    log_p, gradient, information = expanded(state)
+    cov = 0.25 * np.eye(8) + nuisance.T @ nuisance
+    rest = readings[number] - 3.0 * letter[:, None]
+    np.testing.assert_allclose(
+        log_p,
+        [-0.5 * (z @ np.linalg.solve(cov, z) + np.linalg.slogdet(2 * np.pi * cov)[1]) for z in rest],
+        rtol=1e-9,
+    )
+    for axis, step in enumerate(1e-5 * np.eye(3)):
+        up, down = expanded(state + step), expanded(state - step)
+        np.testing.assert_allclose(gradient[:, axis], (up[0] - down[0]) / 2e-5, rtol=1e-4)
+    # A motion of the object is one of the sensor, turned and shifted: its determinant is 1.
+    np.testing.assert_allclose(
+        np.linalg.det(information), np.linalg.det(by_pose @ np.linalg.solve(cov, by_pose.T)), rtol=1e-9
+    )
