@@ -100,15 +100,10 @@ def test_a_load_beside_the_middle_tilts_the_pressure_as_its_moment_says():
 def test_the_image_does_not_depend_on_how_soft_mujocos_contacts_are(kind):
     """The sphere sinks in by 6 mm where they are softest, and hovers 6 mm above the pad with a margin."""
     images = [
-        rest(
-            f'type="{kind}" size="0.008 0.008 0.008" solref="{solref}"',
-            x=0.7,
-            height=8.001,
-            steps=4000,
-            face=".03 .03 .02",
-        )[2]
+        rest(f'type="{kind}" size="0.008 0.008 0.008" solref="{solref}"', x=0.7, height=8.001, steps=4000,
+             face=".03 .03 .02")[2]
         for solref in ("0.004 1", "0.05 1", "0.2 1", '.004 1" margin=".006')
-    ]
+    ]  # fmt: skip
     for reading in images[1:]:
         assert reading.force == pytest.approx(images[0].force, rel=1e-3)
         np.testing.assert_allclose(reading.kpa, images[0].kpa, atol=2e-3 * images[0].kpa.max())
@@ -166,12 +161,9 @@ def test_what_lies_beyond_the_rim_is_the_share_of_the_block_there(x, angle):
 
 @pytest.mark.parametrize(
     ("kind", "size", "normal", "height"),
-    [
-        ("capsule", ".008 .02", (1, 0, 0), 8),
-        ("sphere", ".012", (0, 0, 1), 12),
-        ("ellipsoid", ".02 .02 .012", (0, 0, 1), 12),
-    ],
-)
+    [("capsule", ".008 .02", (1, 0, 0), 8), ("sphere", ".012", (0, 0, 1), 12),
+     ("ellipsoid", ".02 .02 .012", (0, 0, 1), 12)],
+)  # fmt: skip
 def test_a_body_that_tumbles_over_a_curved_finger_is_felt_or_outside(kind, size, normal, height):
     """Every 10 ms of a fall from a random attitude: no taxel below 0, and no force lost or made."""
     standing = 'quat=".7071067811865476 0 -.7071067811865476 0"' if normal == (1, 0, 0) else ""

@@ -19,13 +19,9 @@ BAR = Properties(symmetry=1, centre=(0.0, 0.0), inertia_over_mass=25.0)
 
 @pytest.mark.parametrize(
     ("variances", "length"),
-    [
-        ([4.0], 2 * np.sqrt(2 / np.pi)),
-        ([1.0, 1.0], np.sqrt(np.pi / 2)),
-        ([9.0, 9.0, 9.0], 6 * np.sqrt(2 / np.pi)),
-        ([1e-12, 1e-12, 1e-12], 2e-6 * np.sqrt(2 / np.pi)),
-    ],
-)
+    [([4.0], 2 * np.sqrt(2 / np.pi)), ([1.0, 1.0], np.sqrt(np.pi / 2)),
+     ([9.0, 9.0, 9.0], 6 * np.sqrt(2 / np.pi)), ([1e-12, 1e-12, 1e-12], 2e-6 * np.sqrt(2 / np.pi))],
+)  # fmt: skip
 def test_mean_length_of_a_gaussian_in_closed_form(variances, length):
     assert cramer_rao.mean_length(np.array(variances)) == pytest.approx(length, rel=1e-9)
 

@@ -252,13 +252,10 @@ def test_more_readings_than_are_pressed_are_refused_before_the_press(here, own_c
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ["run", "--scan", "bad.npz"],
-        ["live", "--port", "simulated:I@0,0,0", "--train-scan", "bad.npz"],
-        ["validate", "--simulated", "two.npz", "--recorded", "bad.npz"],
-    ],
+    [["run", "--scan", "bad.npz"], ["live", "--port", "simulated:I@0,0,0", "--train-scan", "bad.npz"],
+     ["validate", "--simulated", "two.npz", "--recorded", "bad.npz"]],
     ids=lambda words: words[0],
-)
+)  # fmt: skip
 def test_a_scan_whose_objects_make_no_sense_is_refused_by_its_name_before_the_work(
     here, tmp_path, scan_file, words
 ):
@@ -306,12 +303,9 @@ def reader_that_is_gone():
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize(
     ("output", "words", "status", "said"),
-    [
-        (full_disk, ["list", "letters"], 2, "bench: cannot write to standard output: the disk is full\n"),
-        (reader_that_is_gone, ["list", "letters"], 141, ""),
-        (reader_that_is_gone, ["run", "--help"], 141, ""),
-    ],
-)
+    [(full_disk, ["list", "letters"], 2, "bench: cannot write to standard output: the disk is full\n"),
+     (reader_that_is_gone, ["list", "letters"], 141, ""), (reader_that_is_gone, ["run", "--help"], 141, "")],
+)  # fmt: skip
 def test_a_full_disk_is_one_line_and_a_reader_that_is_gone_none(bench, output, words, status, said):
     taken = output()
     process = subprocess.run(
@@ -408,14 +402,11 @@ def test_a_users_own_folders_hide_nothing(bench, tmp_path):
         ("COLUMNS=0", "--help", None),
         ("NUMBA_DISABLE_JIT=1", "list estimators", None),
         ("NUMBA_DISABLE_JIT=1", "run --letters IL --trials 1", "NUMBA_DISABLE_JIT is set"),
-        (
-            "NUMBA_NUM_THREADS=0",
-            "run --letters IL --trials 1",
-            "numba, which compiles the inner loops, does not start",
-        ),
+        ("NUMBA_NUM_THREADS=0", "run --letters IL --trials 1",
+         "numba, which compiles the inner loops, does not start"),
         ("NUMBA_NUM_THREADS=0", "list estimators", "NUMBA_NUM_THREADS=0"),
     ],
-)
+)  # fmt: skip
 def test_odd_settings_of_a_machine_are_answered_or_refused_in_one_line(bench, setting, words, said):
     name, _, value = setting.partition("=")
     bench.environment |= {name: value}

@@ -119,16 +119,8 @@ def test_an_object_of_ones_own_is_drawn_and_pressed_where_it_is(here, tmp_path):
     right(here("record", *words[1:], "--letter", "I", "--out", "I.npz"))
     right(here("replay", "bar.tactrec", "I.tactrec", "--scan", "both.npz", "--shape", "bar.svg"))
     measure = [
-        "run",
-        "--port",
-        "simulated:hand",
-        "--train-scan",
-        "both.npz",
-        "--trials",
-        "1",
-        "--readings",
-        "3",
-    ]
+        "run", "--port", "simulated:hand", "--train-scan", "both.npz", "--trials", "1", "--readings", "3",
+    ]  # fmt: skip
     measure += ["--frames", "5", "--estimator", "histogram", "--bins", "200"]
     right(here(*measure, "--shape", "bar.svg", "--out", "own"))
     run = load(tmp_path / "own")
@@ -230,22 +222,19 @@ def test_idle_readings_of_the_pad_are_read_as_its_recordings_are(here, tmp_path,
 
 @pytest.mark.parametrize(
     ("words", "option"),
-    [
-        (["replay", "r.tactrec", "--csv", "r.tactrec"], "--csv"),
-        ([*MARKED, "--scan", "r.tactrec"], "--scan"),
-        ([*MARKED, "--scan", "new.npz", "--csv", "new.npz"], "--scan"),
-        (["emulate", "--plan", "m.csv", "--out", "m.csv"], "--out"),
-        (["emulate", "--plan", "m.csv", "--out", "n.tactrec", "--marks", "m.csv"], "--marks"),
-        (["submit", "letters-v1", "--estimator", "nearest", "--out", "held.npz"], "--out"),
-        (["tare", "--port", "x", "--out", "tare.toml"], "--out"),
-        (["fit", "held.npz", "--out", "tare.toml"], "--out"),
-        (["scan", "--letters", "A", "--out", "held.npz"], "--out"),
-        (["import", "x.h5", "--out", "held.npz"], "--out"),
-        (["export", "x.npz", "--to", "hdf5", "--out", "held.npz"], "--out"),
-        (["replay", "r.tactrec", "--scan", "held.npz"], "--scan"),
-        (["record", "--port", "x", "--letter", "A", "--out", "held.npz"], "--out"),
-    ],
-)
+    [(["replay", "r.tactrec", "--csv", "r.tactrec"], "--csv"), ([*MARKED, "--scan", "r.tactrec"], "--scan"),
+     ([*MARKED, "--scan", "new.npz", "--csv", "new.npz"], "--scan"),
+     (["emulate", "--plan", "m.csv", "--out", "m.csv"], "--out"),
+     (["emulate", "--plan", "m.csv", "--out", "n.tactrec", "--marks", "m.csv"], "--marks"),
+     (["submit", "letters-v1", "--estimator", "nearest", "--out", "held.npz"], "--out"),
+     (["tare", "--port", "x", "--out", "tare.toml"], "--out"),
+     (["fit", "held.npz", "--out", "tare.toml"], "--out"),
+     (["scan", "--letters", "A", "--out", "held.npz"], "--out"),
+     (["import", "x.h5", "--out", "held.npz"], "--out"),
+     (["export", "x.npz", "--to", "hdf5", "--out", "held.npz"], "--out"),
+     (["replay", "r.tactrec", "--scan", "held.npz"], "--scan"),
+     (["record", "--port", "x", "--letter", "A", "--out", "held.npz"], "--out")],
+)  # fmt: skip
 def test_what_is_there_already_is_never_replaced(here, tmp_path, words, option):
     held = {name: name.encode() for name in ("r.tactrec", "m.csv", "held.npz", "tare.toml")}
     for name, content in held.items():

@@ -75,13 +75,9 @@ def test_cases_are_chosen_by_name_and_by_tag():
 # Each fits every estimator, or one many times: a minute for all of them. By default much of what they find is found by
 # tests/estimators/test_registry.py: one letter, readings without contrast, poses far away; and by test_pad_fit.py.
 LONG = (
-    "filters.budget-of-one",
-    "filters.order-of-letters",
-    "filters.faulty-taxels",
-    "filters.after-nonsense",
-    "frames.angles-many-turns-away",
-    "maps.without-information",
-)
+    "filters.budget-of-one", "filters.order-of-letters", "filters.faulty-taxels", "filters.after-nonsense",
+    "frames.angles-many-turns-away", "maps.without-information",
+)  # fmt: skip
 
 
 @pytest.mark.long

@@ -79,15 +79,11 @@ def test_lists_stand_for_every_combination():
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [
-        ("[[run]]\nestimatr = 'histogram'", "estimatr"),
-        ("[[run]]\ntrials = 0", "trials"),
-        ("[defaults]\nbins = 1", r"no \[\[run\]\]"),
-        ("[[run]", "not TOML"),
-        ("[[run]]\nseed = [" + "1," * 400 + "]\ntrials = [" + "1," * 400 + "]", "100,000"),
-        ("[[run]]\nbins = []", "list bins is empty"),
-    ],
-)
+    [("[[run]]\nestimatr = 'histogram'", "estimatr"), ("[[run]]\ntrials = 0", "trials"),
+     ("[defaults]\nbins = 1", r"no \[\[run\]\]"), ("[[run]", "not TOML"),
+     ("[[run]]\nseed = [" + "1," * 400 + "]\ntrials = [" + "1," * 400 + "]", "100,000"),
+     ("[[run]]\nbins = []", "list bins is empty")],
+)  # fmt: skip
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, content, message):
     (tmp_path / "s.toml").write_text(content)
     with pytest.raises(InputError, match=message) as caught:
@@ -184,11 +180,8 @@ def cluster(bench, tmp_path):
     """Start a real scheduler and two real workers on loopback; gives the address and the workers."""
     address = f"tcp://127.0.0.1:{free_port()}"
     quiet = {
-        "stdout": subprocess.DEVNULL,
-        "stderr": subprocess.DEVNULL,
-        "cwd": tmp_path,
-        "env": bench.environment,
-    }
+        "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path, "env": bench.environment,
+    }  # fmt: skip
     bin_dir = Path(sys.executable).parent
     scheduler = subprocess.Popen(
         [bin_dir / "dask", "scheduler", "--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard"],
@@ -251,12 +244,9 @@ def test_each_thread_of_a_dask_worker_has_an_estimator_of_its_own(monkeypatch, t
 
 @pytest.mark.parametrize(
     ("address", "says"),
-    [
-        ("localhost", "such as tcp://localhost:8786"),
-        ("tcp://:x", "such as tcp://localhost:8786"),
-        ("tcp://localhost:1", "no scheduler answers there"),
-    ],
-)
+    [("localhost", "such as tcp://localhost:8786"), ("tcp://:x", "such as tcp://localhost:8786"),
+     ("tcp://localhost:1", "no scheduler answers there")],
+)  # fmt: skip
 def test_what_is_no_scheduler_is_refused_before_the_press(here, own_cache, monkeypatch, address, says):
     pytest.importorskip("distributed")
     monkeypatch.setattr(sweep, "SCHEDULER_ANSWERS_IN", 0.1)

@@ -154,14 +154,9 @@ def test_true_poses_cover_the_stated_range():
 def test_a_trial_depends_on_seed_letter_and_number_alone():
     draws = {
         key: generator(*key).random()
-        for key in [
-            (0, OneTrial("A", 0), 0),
-            (0, OneTrial("A", 0), 1),
-            (1, OneTrial("A", 0), 0),
-            (0, OneTrial("A", 1), 0),
-            (0, OneTrial("E", 0), 0),
-        ]
-    }
+        for key in [(0, OneTrial("A", 0), 0), (0, OneTrial("A", 0), 1), (1, OneTrial("A", 0), 0),
+                    (0, OneTrial("A", 1), 0), (0, OneTrial("E", 0), 0)]
+    }  # fmt: skip
     assert len(set(draws.values())) == len(draws)
     scan = make_scan()
     whole = trials_of(Witness(Options()), scan, count=2)

@@ -61,12 +61,9 @@ def test_what_became_worse_is_said(project, capsys, monkeypatch):
     write_thing(project, {"quick": (0.0051, 0.5), "long": (3.4, 2.0 + 1e-6), "another": (1.0, 1.0)})
     assert check.main(["HEAD"]) == 1
     assert capsys.readouterr().out.splitlines() == [
-        " 1.27  test_work[quick]",
-        " 1.13  test_work[long]",
-        "  new  test_work[another]",
-        "slower   test_work[quick]: 1.27 times",
-        "changed  test_work[long] error_mm: 2 -> 2.000001",
-    ]
+        " 1.27  test_work[quick]", " 1.13  test_work[long]", "  new  test_work[another]",
+        "slower   test_work[quick]: 1.27 times", "changed  test_work[long] error_mm: 2 -> 2.000001",
+    ]  # fmt: skip
 
 
 @pytest.mark.long
@@ -79,14 +76,10 @@ def test_a_benchmark_that_fails_is_said(project, capsys):
 
 @pytest.mark.parametrize(
     ("new", "said"),
-    [
-        ({"a": (1.2, {"error_mm": 2.0})}, []),
-        ({"a": (1.0, {"error_mm": 2.0 + 1e-10}), "b": (1.0, {})}, []),
-        ({"a": (1.0, {"error_mm": 2.0 - 1e-6})}, ["changed  a error_mm: 2 -> 1.999999"]),
-        ({"a": (1.0, {"error_mm": float("nan")})}, ["changed  a error_mm: 2 -> nan"]),
-        ({"a": (1.0, {})}, ["changed  a error_mm: 2 -> None"]),
-        ({}, ["gone     a"]),
-    ],
-)
+    [({"a": (1.2, {"error_mm": 2.0})}, []), ({"a": (1.0, {"error_mm": 2.0 + 1e-10}), "b": (1.0, {})}, []),
+     ({"a": (1.0, {"error_mm": 2.0 - 1e-6})}, ["changed  a error_mm: 2 -> 1.999999"]),
+     ({"a": (1.0, {"error_mm": float("nan")})}, ["changed  a error_mm: 2 -> nan"]),
+     ({"a": (1.0, {})}, ["changed  a error_mm: 2 -> None"]), ({}, ["gone     a"])],
+)  # fmt: skip
 def test_figures_are_the_same_within_1e_9(new, said):
     assert check.judge({"a": (1.0, {"error_mm": 2.0})}, new) == said

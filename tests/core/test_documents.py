@@ -31,14 +31,10 @@ def test_what_is_written_is_read(tmp_path):
 
 
 TOO_MUCH = {
-    "5,000 digits": f"a = {'1' * 5000}",
-    "65 bits": f"a.b = [1, {2**63}]",
-    "nan": "a.b = nan",
-    "very deep lists": "a = " + "[" * 100_000,
-    "deep tables": "a = " + "{a=" * 50 + "1" + "}" * 50,
-    "a key of 400,000 parts": "a." * 400_000 + "b = 1",
-    "a key with blanks": " 'a' . " * 100_000 + "b = 1",
-}
+    "5,000 digits": f"a = {'1' * 5000}", "65 bits": f"a.b = [1, {2**63}]", "nan": "a.b = nan",
+    "very deep lists": "a = " + "[" * 100_000, "deep tables": "a = " + "{a=" * 50 + "1" + "}" * 50,
+    "a key of 400,000 parts": "a." * 400_000 + "b = 1", "a key with blanks": " 'a' . " * 100_000 + "b = 1",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", TOO_MUCH)
@@ -89,21 +85,16 @@ class Outer(BaseModel):
 
 @pytest.mark.parametrize(
     ("values", "said"),
-    [
-        ({"a": {"b": -1}}, "f: a.b: give a number of at least 0, got -1"),
-        ({"a": {"b": "many"}}, "f: a.b: give a whole number, got 'many'"),
-        ({"c": -0.5}, "f: c: give a number above 0, got -0.5"),
-        ({"c": True}, "f: c: a number is wanted, not true"),
-        ({"h": {"x": False}}, "f: h.x: a number is wanted, not false"),
-        ({"k": 1}, "f: k: say true or false, not 1"),
-        ({"d": 5}, "f: d: give 'one' or 'two', got 5"),
-        ({"g": 5}, "f: g: give the path of a file or folder, got 5"),
-        ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b, c, d"),
-        ({"a": {"b": 16**5000}}, "f: a.b"),
-        ({"a": {"y" * 10**6: 1}}, "unknown option"),
-        ([], "f: options"),
-    ],
-)
+    [({"a": {"b": -1}}, "f: a.b: give a number of at least 0, got -1"),
+     ({"a": {"b": "many"}}, "f: a.b: give a whole number, got 'many'"),
+     ({"c": -0.5}, "f: c: give a number above 0, got -0.5"),
+     ({"c": True}, "f: c: a number is wanted, not true"),
+     ({"h": {"x": False}}, "f: h.x: a number is wanted, not false"),
+     ({"k": 1}, "f: k: say true or false, not 1"), ({"d": 5}, "f: d: give 'one' or 'two', got 5"),
+     ({"g": 5}, "f: g: give the path of a file or folder, got 5"),
+     ({"a": {"c": 1}}, "unknown option 'a.c': did you mean 'a.b'? known are a.b, c, d"),
+     ({"a": {"b": 16**5000}}, "f: a.b"), ({"a": {"y" * 10**6: 1}}, "unknown option"), ([], "f: options")],
+)  # fmt: skip
 def test_what_is_wrong_is_said_in_a_short_line(values, said):
     assert said in refusal(checked, Outer, values, "f")
 

@@ -115,11 +115,8 @@ def test_auto_leaves_out_the_shares_that_few_presses_show():
     mostly_quick = with_moments(scan_of([quick, quick, quick, slow, slow]), "auto")
     assert 0.25 not in mostly_quick.meta["moments"]["shares"]
     assert with_moments(scan_of([slow, slow, quick]), "auto").meta["moments"]["shares"] == [
-        0.25,
-        0.5,
-        0.75,
-        1,
-    ]
+        0.25, 0.5, 0.75, 1,
+    ]  # fmt: skip
 
 
 def test_lighter_presses_are_what_was_felt_on_the_rise():

@@ -44,13 +44,9 @@ def test_cells_fill_the_surface_that_carries_load(gaps):
 
 @pytest.mark.parametrize(
     ("content", "says"),
-    [
-        ("rows = 0", "rows"),
-        ("pitch = 2", "pitch"),
-        ("pitch_x = 1.0", "overlap"),
-        ("columns = 5\nseam = 0.4", "even"),
-    ],
-)
+    [("rows = 0", "rows"), ("pitch = 2", "pitch"), ("pitch_x = 1.0", "overlap"),
+     ("columns = 5\nseam = 0.4", "even")],
+)  # fmt: skip
 def test_a_wrong_pad_file_gets_one_line(tmp_path, content, says):
     path = tmp_path / "pad.toml"
     path.write_text(content)
@@ -71,13 +67,10 @@ def test_a_pad_of_other_measures_keeps_no_seam_and_no_column_of_the_papers(other
 
 @pytest.mark.parametrize(
     "change",
-    [
-        {"pad": {"pitch_x": 1e-300, "taxel_width": 1e-300}},
-        {"pad": {"rows": 300, "columns": 300}},
-        {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_taxel": 16}},
-        {"sensor": {"resolution": 1e-320}},
-    ],
-)
+    [{"pad": {"pitch_x": 1e-300, "taxel_width": 1e-300}}, {"pad": {"rows": 300, "columns": 300}},
+     {"pad": {"rows": 60, "columns": 60}, "press": {"cells_per_taxel": 16}},
+     {"sensor": {"resolution": 1e-320}}],
+)  # fmt: skip
 def test_a_pad_without_a_finite_reading_is_refused_before_memory_is_asked_for(change):
     with pytest.raises(ValidationError):
         ScanOptions.model_validate(change)

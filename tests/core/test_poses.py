@@ -162,12 +162,9 @@ def test_objects_that_were_pressed_at_random_places_of_one_frame_stay_in_it():
 def test_the_centre_of_an_object_moves_along_unless_it_is_that_of_a_drawing():
     facts = {"symmetry": 1, "inertia_over_mass": 50.0}
     meta = {
-        "objects": {
-            "here": {**facts, "centre": [401.0, 2.0]},
-            "drawn": {**facts, "centre": [1.0, 2.0]},
-            "bare": facts,
-        }
-    }
+        "objects": {"here": {**facts, "centre": [401.0, 2.0]}, "drawn": {**facts, "centre": [1.0, 2.0]},
+                    "bare": facts}
+    }  # fmt: skip
     brought = seen_from(
         scan_at(grid_poses() + [400, 0, 0], meta), dict.fromkeys(["A", *meta["objects"]], AWAY)
     )

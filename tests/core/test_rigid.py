@@ -80,12 +80,9 @@ def test_nearest_rotation_is_that_of_least_angle() -> None:
 
 @pytest.mark.parametrize(
     ("given_pose", "says"),
-    [
-        ([0, 0, 0, 1, 0, 0], "shape"),
-        ([0, 0, 0, 1, 1, 0, 0], "length 1"),
-        ([np.nan, 0, 0, 1, 0, 0, 0], "finite|NaN|nan"),
-    ],
-)
+    [([0, 0, 0, 1, 0, 0], "shape"), ([0, 0, 0, 1, 1, 0, 0], "length 1"),
+     ([np.nan, 0, 0, 1, 0, 0, 0], "finite|NaN|nan")],
+)  # fmt: skip
 def test_no_pose(given_pose: list[float], says: str) -> None:
     with pytest.raises(InputError, match=says):
         rigid.checked_poses(given_pose, "the hand's pose")

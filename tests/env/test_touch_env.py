@@ -249,13 +249,10 @@ def test_a_wrong_action_is_refused_in_one_line_and_touches_nothing(change, said)
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [
-        ({"information": 1.0}, "information is rewarded only with a belief"),
-        ({"belief": "histogramm"}, "did you mean 'histogram'"),
-        ({"touch_cost": -1.0}, "touch_cost"),
-        ({"scan_seed": 99}, "letters-offgrid-v1 has the seeds 0, 1, 2, 3, 4"),
-    ],
-)
+    [({"information": 1.0}, "information is rewarded only with a belief"),
+     ({"belief": "histogramm"}, "did you mean 'histogram'"), ({"touch_cost": -1.0}, "touch_cost"),
+     ({"scan_seed": 99}, "letters-offgrid-v1 has the seeds 0, 1, 2, 3, 4")],
+)  # fmt: skip
 def test_a_wrong_option_is_refused_in_one_line(options, said):
     with pytest.raises(InputError, match=said) as caught:
         make(**options)

@@ -33,21 +33,16 @@ def test_none_may_be_said_though_a_letter_is_more_probable():
 
 @pytest.mark.parametrize(
     ("estimate", "said"),
-    [
-        (None, "no Estimate"),
-        (Estimate("E", [0.5, 0.5], POSE), "table of probabilities"),
-        (Estimate("O", {"O": 1.0}, POSE), "no letter"),
-        (Estimate("E", {"I": 1.0}, POSE), "no probability"),
-        (Estimate("E", {"E": 1.5, "I": -0.5}, POSE), "negative or do not sum to 1"),
-        (Estimate("E", {"E": 0.5, "I": 0.4}, POSE), "negative or do not sum to 1"),
-        (Estimate("E", {"E": np.nan}, POSE), "negative or do not sum to 1"),
-        (Estimate("E", {"E": "much"}, POSE), "no number"),
-        (Estimate("E", {"E": 0.25, "I": 0.75}, POSE), "I is more probable"),
-        (Estimate("E", {"E": 1.0}, None), "has no pose"),
-        (Estimate("E", {"E": 1.0}, POSE[:2]), "no finite"),
-        (Estimate("E", {"E": 1.0}, [0.0, np.nan, 0.0]), "no finite"),
-    ],
-)
+    [(None, "no Estimate"), (Estimate("E", [0.5, 0.5], POSE), "table of probabilities"),
+     (Estimate("O", {"O": 1.0}, POSE), "no letter"), (Estimate("E", {"I": 1.0}, POSE), "no probability"),
+     (Estimate("E", {"E": 1.5, "I": -0.5}, POSE), "negative or do not sum to 1"),
+     (Estimate("E", {"E": 0.5, "I": 0.4}, POSE), "negative or do not sum to 1"),
+     (Estimate("E", {"E": np.nan}, POSE), "negative or do not sum to 1"),
+     (Estimate("E", {"E": "much"}, POSE), "no number"),
+     (Estimate("E", {"E": 0.25, "I": 0.75}, POSE), "I is more probable"),
+     (Estimate("E", {"E": 1.0}, None), "has no pose"), (Estimate("E", {"E": 1.0}, POSE[:2]), "no finite"),
+     (Estimate("E", {"E": 1.0}, [0.0, np.nan, 0.0]), "no finite")],
+)  # fmt: skip
 def test_what_is_no_estimate_is_refused_with_the_estimators_name(estimate, said):
     with pytest.raises(InputError, match=rf"NoneType is broken.*{said}"):
         check_estimate(estimate, None, LETTERS)

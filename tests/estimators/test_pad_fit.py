@@ -23,13 +23,10 @@ from tactsim.estimators.pad_fit import (
 from tactsim.estimators.registry import load
 
 SMALL = {
-    "histogram": {"bins": 1000},
-    "particle": {"particles": 500},
-    "augmented-mcl": {"particles": 500},
-    "refined": {"bins": 1000, "cells": 30},
-    "force-mosaic": {"bins": 1000, "cells": 30},
+    "histogram": {"bins": 1000}, "particle": {"particles": 500}, "augmented-mcl": {"particles": 500},
+    "refined": {"bins": 1000, "cells": 30}, "force-mosaic": {"bins": 1000, "cells": 30},
     "graded": {"bins": 1000, "cells": 30},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

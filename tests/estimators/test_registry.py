@@ -75,14 +75,10 @@ def test_a_plug_in_is_found_made_and_listed(site, monkeypatch):
 
 @pytest.mark.parametrize(
     ("point", "said"),
-    [
-        ("broken_estimators:Any", "a_package_that_nobody_has"),
-        ("good_estimators:Missing", "Missing"),
-        ("json:dumps", "no subclass of estimators.Estimator"),
-        ("exiting_estimators:Any", "broken"),
-        ("good_estimators:Unfinished", "does not define estimate, reset, update"),
-    ],
-)
+    [("broken_estimators:Any", "a_package_that_nobody_has"), ("good_estimators:Missing", "Missing"),
+     ("json:dumps", "no subclass of estimators.Estimator"), ("exiting_estimators:Any", "broken"),
+     ("good_estimators:Unfinished", "does not define estimate, reset, update")],
+)  # fmt: skip
 def test_a_broken_plug_in_is_a_status_and_hurts_nobody_else(site, monkeypatch, point, said):
     install_plug_in(site, monkeypatch, bad=point, good="good_estimators:Good")
     rows = {row.name: row for row in listing()}

@@ -129,15 +129,9 @@ def test_what_is_no_reading_is_none_and_a_lost_server_is_found_again(installed):
     broken = FORCES.copy()
     broken[3, 2] = np.nan
     first = [
-        WELCOME,
-        message(1),
-        "[1, 2",
-        "[]",
-        message(1),
-        message(2, sensor="2"),
-        message(3, broken),
+        WELCOME, message(1), "[1, 2", "[]", message(1), message(2, sensor="2"), message(3, broken),
         message(6),
-    ]
+    ]  # fmt: skip
     with (
         serving(first, [WELCOME, message(1)]) as port,
         sources.open_source([f"xela:127.0.0.1:{port}/1"], installed) as source,

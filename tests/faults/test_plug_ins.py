@@ -166,12 +166,9 @@ def test_a_plug_in_that_answers_nonsense_is_named_in_one_line(plugged, called_he
 
 @pytest.mark.parametrize(
     ("name", "jobs", "said"),
-    [
-        ("ending", 1, "None"),
-        pytest.param("ending", 2, "None", marks=pytest.mark.long),
-        ("unmade", 1, "no licence"),
-    ],
-)
+    [("ending", 1, "None"), pytest.param("ending", 2, "None", marks=pytest.mark.long),
+     ("unmade", 1, "no licence")],
+)  # fmt: skip
 def test_a_plug_in_that_would_end_the_program_is_a_failure_with_its_place(
     called_here, scan_file, name, jobs, said
 ):
@@ -202,14 +199,9 @@ def test_what_a_plug_in_prints_is_not_among_the_json(plugged, scan_file):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [
-        ("nothing", "no tactsim.core.source.Source"),
-        ("bare", "without `counters`"),
-        ("silent", "no Reading of 36"),
-        ("short", "no Reading of 36"),
-        ("bad1", "SystemExit"),
-    ],
-)
+    [("nothing", "no tactsim.core.source.Source"), ("bare", "without `counters`"),
+     ("silent", "no Reading of 36"), ("short", "no Reading of 36"), ("bad1", "SystemExit")],
+)  # fmt: skip
 def test_a_source_that_is_none_is_named_in_one_line(called_here, name, said):
     refused(called_here("probe", "--port", f"{name}:x", "--seconds", "0.1"), f"plug-in '{name}'", said)
 

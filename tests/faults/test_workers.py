@@ -146,16 +146,13 @@ GUARDED = "if __name__ == '__main__':\n    " + CALL
     [
         (["script.py"], CALL, "put the call under `if __name__ == '__main__':`, or use jobs=1"),
         (["-m", "script"], CALL, "put the call under `if __name__ == '__main__':`, or use jobs=1"),
-        (
-            ["script.py"],
-            "print(__name__)\n" + CALL,
-            "put the call under `if __name__ == '__main__':`, or use jobs=1",
-        ),
+        (["script.py"], "print(__name__)\n" + CALL,
+         "put the call under `if __name__ == '__main__':`, or use jobs=1"),
         (["script.py"], GUARDED, "1"),
         (["-m", "script"], GUARDED, "1"),
         (["-c", "from tactsim.core.workers import worker_processes\n" + CALL], "", "1"),
     ],
-)
+)  # fmt: skip
 def test_a_script_that_workers_cannot_import_is_told_what_to_write(words, call, said, tmp_path):
     (tmp_path / "script.py").write_text("from tactsim.core.workers import worker_processes\n" + call)
     ended = subprocess.run(

@@ -93,13 +93,10 @@ def trials_of(run: Path) -> str:
     objects = json.loads((run / "run.json").read_text())["objects"]
     kept = ("truth", "trial", "reading_number", "reading", "label")
     rows = (
-        (
-            *(row["touch_index" if name == "reading" else name] for name in kept),
-            float(row["p_label"]),
-            placement_error(pose(row), pose(row, "true_"), objects[row["truth"]]),
-        )
+        (*(row["touch_index" if name == "reading" else name] for name in kept), float(row["p_label"]),
+         placement_error(pose(row), pose(row, "true_"), objects[row["truth"]]))
         for row in rows_of(run / "trials.csv")
-    )
+    )  # fmt: skip
     return table((*kept, "p_label", "error_mm"), rows)
 
 
@@ -159,17 +156,9 @@ def recording(folder: Path) -> str:
     bench(folder, "emulate", "--plan", "plan.csv", "--out", "pad.tactrec", "--marks", "marks.csv", *EMULATED)
     whole = ("--moments", "off")  # commit 95d8bf5 took none unless it was asked
     bench(
-        folder,
-        "replay",
-        "pad.tactrec",
-        "--marks",
-        "marks.csv",
-        "--letters",
-        "AIO",
-        "--scan",
-        "pad.npz",
+        folder, "replay", "pad.tactrec", "--marks", "marks.csv", "--letters", "AIO", "--scan", "pad.npz",
         *whole,
-    )
+    )  # fmt: skip
     words = ("--estimator", "histogram", "--bins", "1000", "--trials", "4", "--readings", "8", "--out", "run")
     bench(folder, "run", "--scan", "pad.npz", *words)
     return trials_of(folder / "run")

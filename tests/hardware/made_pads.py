@@ -29,15 +29,11 @@ def singletact(taxels=25, parts=None, **codec):
     """SingleTact arrays; the pad is one row of all their taxels."""
     parts = parts or [{}]
     return Device.model_validate(
-        {
-            "name": "singletact",
-            "codec": {"kind": "singletact", "taxels": taxels, "full_scale_kpa": 100.0} | codec,
-            "pad": {"rows": 1, "columns": taxels * len(parts), "no_seam": True, "unread_columns": 0},
-            "part": parts,
-            "deadline": 2.0,
-            "pair_within_s": 0.5 if len(parts) > 1 else None,
-        }
-    )
+        {"name": "singletact",
+         "codec": {"kind": "singletact", "taxels": taxels, "full_scale_kpa": 100.0} | codec,
+         "pad": {"rows": 1, "columns": taxels * len(parts), "no_seam": True, "unread_columns": 0},
+         "part": parts, "deadline": 2.0, "pair_within_s": 0.5 if len(parts) > 1 else None}
+    )  # fmt: skip
 
 
 def csv_device(taxels=6, **codec):

@@ -78,12 +78,9 @@ def test_a_calibration_comes_back_from_its_file(rng, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [
-        ({"dead": (6,)}, "does not have"),
-        ({"stuck": (0, 1, 2, 3, 4, 5)}, "every taxel is dead or stuck"),
-        ({"tare": (float("nan"),) * 6}, "finite"),
-    ],
-)
+    [({"dead": (6,)}, "does not have"), ({"stuck": (0, 1, 2, 3, 4, 5)}, "every taxel is dead or stuck"),
+     ({"tare": (float("nan"),) * 6}, "finite")],
+)  # fmt: skip
 def test_a_calibration_that_makes_no_sense_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
         calibration(**change)

@@ -66,14 +66,10 @@ def line_messages(count, rng):
 
 
 MAKERS = {
-    "fields": small_messages,
-    "fields-header-only": headed_messages,
-    "fields-footer-only": footed_messages,
-    "fields-crc-only": crc_messages,
-    "singletact": singletact_messages,
-    "csv": line_messages,
+    "fields": small_messages, "fields-header-only": headed_messages, "fields-footer-only": footed_messages,
+    "fields-crc-only": crc_messages, "singletact": singletact_messages, "csv": line_messages,
     "pps-csv": csv_messages,
-}
+}  # fmt: skip
 # In these a frame is told by its neighbours.
 BY_NEIGHBOURS = (headed_messages, footed_messages, crc_messages, line_messages, csv_messages)
 every_codec = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)

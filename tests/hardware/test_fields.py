@@ -95,12 +95,9 @@ def test_the_checksum_of_modbus_ascii_makes_all_bytes_sum_to_nothing():
 
 
 @given(
-    st.sampled_from([8, 10, 12, 16, 32]),
-    st.sampled_from(["big", "little"]),
-    st.booleans(),
-    st.sampled_from([None, *CHECKSUMS]),
-    st.data(),
-)
+    st.sampled_from([8, 10, 12, 16, 32]), st.sampled_from(["big", "little"]), st.booleans(),
+    st.sampled_from([None, *CHECKSUMS]), st.data(),
+)  # fmt: skip
 def test_what_is_encoded_is_decoded(bits, endian, signed, checksum, data):
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
     values = data.draw(st.lists(st.integers(low, high), min_size=1, max_size=30))
@@ -137,17 +134,13 @@ def test_counts_become_pressures_and_back():
         ([{"is": "taxels", "count": 1}, HEADER], "header must be the first"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "taxels", "count": 1}], "2 items 'taxels'"),
         ([HEADER, {"is": "taxels", "count": 10_000, "bits": 16}, {"is": "length", "of": "data"}], "not fit"),
-        (
-            [HEADER, {"is": "taxels", "count": 6}, {"is": "checksum", "kind": "sum8", "skip": 3}],
-            "the checksum does not cover the taxels",
-        ),
+        ([HEADER, {"is": "taxels", "count": 6}, {"is": "checksum", "kind": "sum8", "skip": 3}],
+         "the checksum does not cover the taxels"),
         ([HEADER, {"is": "taxels", "count": 1}, {"is": "packet", "of": 2}], "needs an 'index'"),
-        (
-            [HEADER, {"is": "index"}, {"is": "packet", "of": 256, "first": 1}, {"is": "taxels", "count": 1}],
-            "256 packets from 1 on do not fit a number of 1 bytes",
-        ),
+        ([HEADER, {"is": "index"}, {"is": "packet", "of": 256, "first": 1}, {"is": "taxels", "count": 1}],
+         "256 packets from 1 on do not fit a number of 1 bytes"),
     ],
-)
+)  # fmt: skip
 def test_a_layout_that_makes_no_sense_is_refused_with_the_reason(layout, message):
     with pytest.raises(InputError, match=message):
         checked(FieldsFormat, {"kind": "fields", "kpa_per_count": 1.0, "layout": layout}, "x")

@@ -250,23 +250,12 @@ def test_plain_lines_that_are_lost_whole_or_begun_before_the_port_was_opened_mak
 
 @pytest.mark.parametrize(
     ("line", "values"),
-    [
-        (b"1,2,3,4,5,6", [1, 2, 3, 4, 5, 6]),
-        (b" 1.5 ,\t-2,+3,4e2,.5,6.\r", [1.5, -2, 3, 400, 0.5, 6]),
-        (b"1,2,3,4,5", None),
-        (b"1,2,3,4,5,6,7", None),
-        (b"1,2,3,4,5,", None),
-        (b"1,2,3,4,5,nan", None),
-        (b"1,2,3,4,5,inf", None),
-        (b"1,2,3,4,5,ovf", None),
-        (b"1,2,3,4,5,1e999", None),
-        (b"1,2,3,4,5,1_0", None),
-        (b"1,2,3,4,5,0x10", None),
-        ("1,2,3,4,5,\u0661".encode(), None),
-        (b"\xef\xbb\xbf1,2,3,4,5,6", None),
-        (b"", None),
-    ],
-)
+    [(b"1,2,3,4,5,6", [1, 2, 3, 4, 5, 6]), (b" 1.5 ,\t-2,+3,4e2,.5,6.\r", [1.5, -2, 3, 400, 0.5, 6]),
+     (b"1,2,3,4,5", None), (b"1,2,3,4,5,6,7", None), (b"1,2,3,4,5,", None), (b"1,2,3,4,5,nan", None),
+     (b"1,2,3,4,5,inf", None), (b"1,2,3,4,5,ovf", None), (b"1,2,3,4,5,1e999", None), (b"1,2,3,4,5,1_0", None),
+     (b"1,2,3,4,5,0x10", None), ("1,2,3,4,5,\u0661".encode(), None), (b"\xef\xbb\xbf1,2,3,4,5,6", None),
+     (b"", None)],
+)  # fmt: skip
 def test_a_line_is_six_plain_numbers_and_nothing_else(line, values):
     found = read(line_device().codec.build(), b"\n" + line + b"\n")
     assert found == ([] if values is None else [tuple(values)])
@@ -301,14 +290,10 @@ def test_decimal_commas_semicolons_and_blanks_are_read():
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [
-        ({"decimal": ","}, "both a comma"),
-        ({"axes": 2, "normal": 2}, "normal axis 2 is none of 2"),
-        ({"before": ["clock", "clock"]}, "one column is the clock"),
-        ({"checksum": "md5"}, "unknown checksum 'md5'"),
-        ({"kpa_per_count": 0}, "must not be 0"),
-    ],
-)
+    [({"decimal": ","}, "both a comma"), ({"axes": 2, "normal": 2}, "normal axis 2 is none of 2"),
+     ({"before": ["clock", "clock"]}, "one column is the clock"),
+     ({"checksum": "md5"}, "unknown checksum 'md5'"), ({"kpa_per_count": 0}, "must not be 0")],
+)  # fmt: skip
 def test_lines_that_make_no_sense_are_refused_with_the_reason(options, said):
     with pytest.raises(ValueError, match=said):
         line_device(**options)

@@ -69,17 +69,12 @@ FORMS = {
     "on a clear screen": lambda v, t: "\x1b[2J\x1b[H" + " ".join(map(str, v)) + "\r\n",
 }
 GIVEN = {
-    "time": {"before": ["clock"]},
-    "titles again and again": {"before": ["clock"]},
-    "count and time in s": {"before": ["index", "clock"]},
-    "json": {"before": ["clock"]},
-    "date and time": {"before": ["skip"]},
-    "a day and a time": {"before": ["skip", "skip"]},
-    "a time and a blank": {"before": ["clock"]},
-    "a named time": {"before": ["clock"]},
-    "a word first": {"before": ["skip"]},
-    "decimal commas": {"delimiter": ";", "decimal": ","},
-}
+    "time": {"before": ["clock"]}, "titles again and again": {"before": ["clock"]},
+    "count and time in s": {"before": ["index", "clock"]}, "json": {"before": ["clock"]},
+    "date and time": {"before": ["skip"]}, "a day and a time": {"before": ["skip", "skip"]},
+    "a time and a blank": {"before": ["clock"]}, "a named time": {"before": ["clock"]},
+    "a word first": {"before": ["skip"]}, "decimal commas": {"delimiter": ";", "decimal": ","},
+}  # fmt: skip
 
 
 def printed(name):
@@ -156,18 +151,14 @@ def test_no_device_file_is_named_for_lines_that_none_reads(form, odd):
 
 @pytest.mark.parametrize(
     "form",
-    [
-        lambda v: "".join(f">S{k}:{x}\n" for k, x in enumerate(v)),
-        lambda v: f"R0: {v[0]} {v[1]}\nR1: {v[2]} {v[3]}\n",
-        lambda v: f"[[{v[0]} {v[1]}]\n [{v[2]} {v[3]}]]\n",
-        lambda v: f"R0 {v[0]} {v[1]}\nR1 {v[2]} {v[3]}\n",
-        lambda v: f"0,{v[0]},{v[1]}\n1,{v[2]},{v[3]}\n",
-        lambda v: "".join(f"{k // 2},{k % 2},{x}\n" for k, x in enumerate(v)),
-        lambda v: "".join(f"Sensor {k}: {x}\n" for k, x in enumerate(v)),
-        lambda v: f"    C0  C1\nR0  {v[0]} {v[1]}\nR1  {v[2]} {v[3]}\n\n",
-        lambda v: f"0 | {v[0]}\n1 | {v[1]}\n2 | {v[2]}\n3 | {v[3]}\n\n",
-    ],
-)
+    [lambda v: "".join(f">S{k}:{x}\n" for k, x in enumerate(v)),
+     lambda v: f"R0: {v[0]} {v[1]}\nR1: {v[2]} {v[3]}\n", lambda v: f"[[{v[0]} {v[1]}]\n [{v[2]} {v[3]}]]\n",
+     lambda v: f"R0 {v[0]} {v[1]}\nR1 {v[2]} {v[3]}\n", lambda v: f"0,{v[0]},{v[1]}\n1,{v[2]},{v[3]}\n",
+     lambda v: "".join(f"{k // 2},{k % 2},{x}\n" for k, x in enumerate(v)),
+     lambda v: "".join(f"Sensor {k}: {x}\n" for k, x in enumerate(v)),
+     lambda v: f"    C0  C1\nR0  {v[0]} {v[1]}\nR1  {v[2]} {v[3]}\n\n",
+     lambda v: f"0 | {v[0]}\n1 | {v[1]}\n2 | {v[2]}\n3 | {v[3]}\n\n"],
+)  # fmt: skip
 def test_parts_of_frames_with_names_of_their_own_are_refused(form):
     guess = guess_lines("".join(map(form, VALUES)).encode())
     assert not guess.read

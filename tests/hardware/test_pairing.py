@@ -149,12 +149,9 @@ def test_sensors_that_are_asked_are_joined_by_the_bridges_clock(losses, seed):
 
 CRC = {"is": "checksum", "kind": "crc16-modbus"}
 FRAMINGS = {
-    "header and checksum": [HEADER, TAXELS, CRC],
-    "header": [HEADER, TAXELS],
-    "footer": [TAXELS, FOOTER],
-    "neither": [TAXELS, CRC],
-    "lines": None,
-}
+    "header and checksum": [HEADER, TAXELS, CRC], "header": [HEADER, TAXELS], "footer": [TAXELS, FOOTER],
+    "neither": [TAXELS, CRC], "lines": None,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("layout", FRAMINGS.values(), ids=FRAMINGS)
@@ -165,14 +162,9 @@ def test_a_frame_has_its_own_time_though_its_neighbour_says_where_it_begins_or_e
         {"port": at, "taxels": wire} for at, wire in enumerate(([0, 1, 2, -1, -1, -1], [-1] * 3 + [3, 4, 5]))
     ]
     device = Device.model_validate(
-        {
-            "name": "two",
-            "codec": codec | {"kpa_per_count": 1.0},
-            "pad": PAD,
-            "part": parts,
-            "pair_within_s": 0.004,
-        }
-    )
+        {"name": "two", "codec": codec | {"kpa_per_count": 1.0}, "pad": PAD, "part": parts,
+         "pair_within_s": 0.004}
+    )  # fmt: skip
     stream, readings = Stream(device), []
     for moment in range(1, 101):
         for port in range(2):

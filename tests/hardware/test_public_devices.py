@@ -290,20 +290,14 @@ def test_a_device_is_asked_no_more_often_than_it_measures():
 @pytest.mark.parametrize(
     ("name", "speaker", "said"),
     [
-        (
-            "dfrobot-6x6",
-            DFRobot(SIX, lambda answer: answer[:20] + bytes([answer[20] ^ 4]) + answer[21:]),
-            "right but for their checksum",
-        ),
-        (
-            "paxini-m2020-board",
-            PaxiniBoard(FORCES, (0, 0, 0), error=7),
-            "no whole frame .* comes, and not what is stated to follow it",
-        ),
+        ("dfrobot-6x6", DFRobot(SIX, lambda answer: answer[:20] + bytes([answer[20] ^ 4]) + answer[21:]),
+         "right but for their checksum"),
+        ("paxini-m2020-board", PaxiniBoard(FORCES, (0, 0, 0), error=7),
+         "no whole frame .* comes, and not what is stated to follow it"),
         ("paxini-m2020", PaxiniModule(2, FORCES), "not one byte came"),
         ("anyskin", AnySkin([(20.0, 0.0, 0.0, float("nan"))] * 5), "no whole frame"),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_the_device_or_says_an_error_is_no_reading(name, speaker, said):
     with (
         on_a_pty(speaker) as url,

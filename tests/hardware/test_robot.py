@@ -24,13 +24,9 @@ TEE = (
 )
 PLAN = "label,split,x_mm,y_mm,theta_rad\ntee,train,0,0,0\ntee,test,3.5,-2,1.2\nO,train,4,4,0\n"
 EXACT = (
-    "placement_mm=0",
-    "placement_rad=0",
-    "placement_tilt=0",
-    "sensor.noise=0",
-    "press.force=25",
+    "placement_mm=0", "placement_rad=0", "placement_tilt=0", "sensor.noise=0", "press.force=25",
     "press.wrist_stiffness=rigid",
-)
+)  # fmt: skip
 FAST = ("--rate", "20", "--hold", "0.5", "--lift", "0.3")
 
 

@@ -54,18 +54,14 @@ def test_marks_count_on_the_hosts_clock_where_the_device_has_none(tmp_path):
         ("", "no line names its columns, which are label, split, x_mm"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\n,,,,,,\n", "holds no marks: there is no row below"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,-0.1,1\n", "line 2: first_s"),
-        (
-            "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n",
-            "line 2: split: give 'train' or 'test', got 'dev'",
-        ),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,dev,0,0,0,0,1\n",
+         "line 2: split: give 'train' or 'test', got 'dev'"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0\n", "line 2: missing is last_s"),
         ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,0,0,1,2\n", "line 2: .*more columns"),
-        (
-            "label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,90,0,1\n",
-            "line 2: theta_rad: .*theta_deg",
-        ),
+        ("label,split,x_mm,y_mm,theta_rad,first_s,last_s\nA,train,0,0,90,0,1\n",
+         "line 2: theta_rad: .*theta_deg"),
     ],
-)
+)  # fmt: skip
 def test_marks_that_make_no_sense_are_refused_with_their_line(tmp_path, content, message):
     (tmp_path / "marks.csv").write_text(content)
     with pytest.raises(InputError, match=message):
@@ -114,12 +110,9 @@ def recorded(path, lost_at=None):
 
 @pytest.mark.parametrize(
     ("last", "message"),
-    [
-        ("1.00", None),
-        ("1.01", r"the recording ends at 0.95 s, but a mark \(B\) goes on until 1.01 s"),
-        ("0.1", "before"),
-    ],
-)
+    [("1.00", None), ("1.01", r"the recording ends at 0.95 s, but a mark \(B\) goes on until 1.01 s"),
+     ("0.1", "before")],
+)  # fmt: skip
 def test_marks_past_the_end_or_backwards_are_refused(tmp_path, last, message):
     (tmp_path / "marks.csv").write_text(MARKS.replace("0.34,0.36", f"0.34,{last}"))
     with pytest.raises(InputError, match=message) if message else nullcontext():
@@ -189,11 +182,8 @@ def test_moments_are_found_without_marks_of_the_rise(first, zero):
     last = IDLE + RISE + HOLD + (0 if first > IDLE else FALL - 2)
     made = scan_of_intervals(Played(images), marks(4, length, first, last), 4)
     assert made.meta["moments"] == {
-        "shares": [0.25, 0.5, 0.75, 1.0],
-        "of": "felt",
-        "split": "train",
-        "presses": 3,
-    }
+        "shares": [0.25, 0.5, 0.75, 1.0], "of": "felt", "split": "train", "presses": 3,
+    }  # fmt: skip
     assert made.split.tolist() == ["train"] * 12 + ["test"]
     felt = (made.readings - zero).sum(axis=1)[:12].reshape(3, 4) / PATTERN.sum()
     assert felt == pytest.approx(np.tile([0.25, 0.5, 0.75, 1], (3, 1)), abs=0.04)
@@ -227,11 +217,8 @@ def test_a_share_of_the_load_that_no_test_press_shows_is_refused():
 def test_moments_are_taken_where_there_is_a_rise_and_else_the_mean_of_the_mark_stays():
     images, length = recording()
     assert scan_of_intervals(Played(images), marks(4, length), "found").moments.tolist() == [
-        0.25,
-        0.5,
-        0.75,
-        1,
-    ] * 3 + [1]
+        0.25, 0.5, 0.75, 1,
+    ] * 3 + [1]  # fmt: skip
     steep = np.delete(images, [k for k in range(len(images)) if IDLE <= k % length < IDLE + RISE], axis=0)
     sudden = marks(4, length - RISE, IDLE + 5, IDLE + HOLD - 5)
     plain = scan_of_intervals(Played(steep), sudden)

@@ -193,12 +193,9 @@ def test_a_machine_that_presses_needs_no_key(pad):
 
 @pytest.mark.parametrize(
     ("level", "says"),
-    [
-        (-5.0, "untouched, the pad reads -0.10 N, taxel . -5.0 kPa: its zero has moved; take a tare"),
-        (np.array([0, 0, 0, 0, -9.0, 0]), "taxel 4 -9"),
-        (5.0, "taxel . still reads 5.* take a tare"),
-    ],
-)
+    [(-5.0, "untouched, the pad reads -0.10 N, taxel . -5.0 kPa: its zero has moved; take a tare"),
+     (np.array([0, 0, 0, 0, -9.0, 0]), "taxel 4 -9"), (5.0, "taxel . still reads 5.* take a tare")],
+)  # fmt: skip
 def test_a_zero_that_has_moved_is_said_and_tared_away(pad, level, says):
     session = Session(plan(least_force=0.05), pad)
     hand = Hand(session, table(), noise=0.01)

@@ -94,12 +94,8 @@ def test_a_frame_whose_index_moves_between_the_reads_is_torn(moved_at):
 def test_the_same_frame_again_is_no_new_reading():
     stream = Stream(singletact(taxels=1))
     assert [len(ask(stream, index, [300], at=k)[1]) for k, index in enumerate([5, 5, 6, 6, 5])] == [
-        1,
-        0,
-        1,
-        0,
-        1,
-    ]
+        1, 0, 1, 0, 1,
+    ]  # fmt: skip
     assert stream.counters.repeats == 2
 
 

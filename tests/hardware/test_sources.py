@@ -219,12 +219,9 @@ def test_a_recording_with_a_calibration_takes_no_other(tmp_path):
 
 @pytest.mark.parametrize(
     ("place", "message"),
-    [
-        ("recordin:x", "unknown source 'recordin': did you mean 'recording'"),
-        ("simulated:?@0,0,0", "unknown letter"),
-        ("simulated:A@0,0,nan", "a pose is written x,y,theta"),
-    ],
-)
+    [("recordin:x", "unknown source 'recordin': did you mean 'recording'"),
+     ("simulated:?@0,0,0", "unknown letter"), ("simulated:A@0,0,nan", "a pose is written x,y,theta")],
+)  # fmt: skip
 def test_a_place_that_is_none_is_one_line(place, message):
     with pytest.raises(InputError, match=message):
         open_source([place], small_device())

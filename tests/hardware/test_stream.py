@@ -56,13 +56,10 @@ def test_wiring_that_makes_no_sense_is_refused(change, message):
 
 @pytest.mark.parametrize(
     ("part", "taxels"),
-    [
-        ({}, [0, 1, 2, 3, 4, 5]),
-        ({"first_row": "top"}, [3, 4, 5, 0, 1, 2]),
-        ({"first_column": "left"}, [2, 1, 0, 5, 4, 3]),
-        ({"first_row": "top", "first_column": "left"}, [5, 4, 3, 2, 1, 0]),
-    ],
-)
+    [({}, [0, 1, 2, 3, 4, 5]), ({"first_row": "top"}, [3, 4, 5, 0, 1, 2]),
+     ({"first_column": "left"}, [2, 1, 0, 5, 4, 3]),
+     ({"first_row": "top", "first_column": "left"}, [5, 4, 3, 2, 1, 0])],
+)  # fmt: skip
 def test_a_device_may_begin_at_each_corner(part, taxels):
     """Taxel 0 has the lowest x and y. Seen from above, +x is to the left, so it lies at the bottom right."""
     device = small_device(part=[part])

@@ -30,17 +30,8 @@ BLACK = '<path d="M3 3h24v24h-24z"/>'
 MASK = '<mask id="m"><rect width="5" height="5" fill="white"/></mask>'
 PAGE = 'width="30mm" height="30mm" viewBox="0 0 30 30"'
 UNKNOWN_TO_RESVG = (
-    "@media",
-    "a-10-10",
-    "rgb(0 0 0 / 0)",
-    "turn)",
-    "200%",
-    "var(",
-    "NONE",
-    "foo",
-    "p3",
-    "lch",
-)
+    "@media", "a-10-10", "rgb(0 0 0 / 0)", "turn)", "200%", "var(", "NONE", "foo", "p3", "lch",
+)  # fmt: skip
 FILLS_ONLY = "*{stroke:none !important}"
 
 

@@ -191,14 +191,9 @@ def test_curves_stay_near_their_circle():
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [
-        (" U E,A ", "UEA"),
-        ("AAEA", "AE"),
-        ("X-2", "XYZ012"),
-        ("C-EA-D", "CDEAB"),
-        ("A-Z0-9", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"),
-    ],
-)
+    [(" U E,A ", "UEA"), ("AAEA", "AE"), ("X-2", "XYZ012"), ("C-EA-D", "CDEAB"),
+     ("A-Z0-9", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")],
+)  # fmt: skip
 def test_letter_sets(text, expected):
     assert "".join(models.parse_letters(text)) == expected
 

@@ -28,15 +28,8 @@ WRONG = {8, 9}
 
 def mypy(folder, python):
     words = [
-        sys.executable,
-        "-m",
-        "mypy",
-        "--python-executable",
-        python,
-        "--no-incremental",
-        "--config-file",
-        "",
-    ]
+        sys.executable, "-m", "mypy", "--python-executable", python, "--no-incremental", "--config-file", "",
+    ]  # fmt: skip
     done = subprocess.run(
         [*words, "--output", "json", "own.py"], cwd=folder, capture_output=True, text=True, timeout=300,
         check=False, env={k: v for k, v in os.environ.items() if k != "MYPYPATH"},

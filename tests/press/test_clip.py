@@ -73,13 +73,10 @@ def test_an_edge_that_crosses_a_line_by_less_than_any_double_is_no_edge_of_its_o
     st.sampled_from(sorted(SHAPES)),
     st.floats(-3, 3),
     st.floats(-7, 7),
-    st.tuples(
-        st.floats(-2, 2),
-        st.floats(-7, 7),
-        st.one_of(st.sampled_from([0.0, 1e-300, 1e-13]), st.floats(1e-3, 1)),
-    ),
+    st.tuples(st.floats(-2, 2), st.floats(-7, 7),
+              st.one_of(st.sampled_from([0.0, 1e-300, 1e-13]), st.floats(1e-3, 1))),
     st.floats(-0.3, 0.3),
-)
+)  # fmt: skip
 @example("ring", 0.0, 0.0, (2.2250738585e-313, 0.0, 1.0), 0.0)
 @settings(deadline=None, max_examples=50)
 def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angle, surface, tilt):
@@ -88,14 +85,10 @@ def test_only_what_lies_deep_enough_counts_and_a_tilt_foreshortens(name, x, angl
     a, b = steepness * np.cos(towards), steepness * np.sin(towards)
     plane = np.array([[np.cos(tilt), 0.0], [0.1 * np.sin(tilt), 1.0]])
     moments = cell_moments(
-        edges_of(shape.to_polygons()),
-        np.array([[x, 0.3, angle], [0.0, 0.0, 0.0]]),
-        X_LINES,
-        Y_LINES,
-        plane=np.stack([plane, np.eye(2)]),
-        depth=np.array([(level, a, b), (-1.0, 0.0, 0.0)]),
+        edges_of(shape.to_polygons()), np.array([[x, 0.3, angle], [0.0, 0.0, 0.0]]), X_LINES, Y_LINES,
+        plane=np.stack([plane, np.eye(2)]), depth=np.array([(level, a, b), (-1.0, 0.0, 0.0)]),
         moments=MOMENTS,
-    )
+    )  # fmt: skip
     assert not moments[:, 1].any()  # nothing of the second press is deep enough
     placed = shape.rotate(np.degrees(angle)).translate((x, 0.3))
     placed = placed.transform(np.column_stack([plane, np.zeros(2)]))

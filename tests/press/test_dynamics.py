@@ -25,14 +25,9 @@ def both(name, pose, **press):
 
 @pytest.mark.parametrize(
     "press",
-    [
-        {},
-        {"tilt_x": 0.01, "tilt_y": -0.005},
-        {"tilt_x": 0.01, "wrist_stiffness": 2000.0},
-        {"ramp": 0.0, "approach_speed": 50.0},
-        {"force": 1000.0, "thickness": 0.2},
-    ],
-)
+    [{}, {"tilt_x": 0.01, "tilt_y": -0.005}, {"tilt_x": 0.01, "wrist_stiffness": 2000.0},
+     {"ramp": 0.0, "approach_speed": 50.0}, {"force": 1000.0, "thickness": 0.2}],
+)  # fmt: skip
 def test_it_ends_where_the_equilibrium_is(press):
     still, moving = both("E", [-3.4, 3.4, 0.5], **press)
     assert moving.ideal == pytest.approx(still.ideal, abs=5e-3 * still.ideal.max())
@@ -216,13 +211,9 @@ def test_a_time_limit_that_cannot_do_is_refused(press):
 
 
 FULL = level_scan(
-    letters=("I",),
-    press=level_press(dynamics="full", frame_rate=100.0),
-    sensor=SensorOptions(noise=0, resolution=0),
-    placement_mm=0,
-    placement_rad=0,
-    test_poses="same",
-)
+    letters=("I",), press=level_press(dynamics="full", frame_rate=100.0),
+    sensor=SensorOptions(noise=0, resolution=0), placement_mm=0, placement_rad=0, test_poses="same",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -121,12 +121,9 @@ def test_collide_presses_rounded_edges_as_the_bed_does():
 
 @settings(max_examples=20, deadline=None)
 @given(
-    st.floats(1e-3, 30.0),
-    st.floats(10.0, 1e4),
-    st.floats(-0.03, 0.03),
-    st.floats(-0.03, 0.03),
+    st.floats(1e-3, 30.0), st.floats(10.0, 1e4), st.floats(-0.03, 0.03), st.floats(-0.03, 0.03),
     st.one_of(st.none(), st.floats(200.0, 1e5)),
-)
+)  # fmt: skip
 def test_tilted_presses_agree_over_forces_and_stiffnesses(force, stiffness, tilt_x, tilt_y, wrist):
     touches = Touches.of(models.letter("E"), np.array([[0.5, -1.0, 0.3]]), (tilt_x, tilt_y))
     chosen = {"force": force, "stiffness": stiffness, "wrist_stiffness": wrist, "points_per_taxel": 150}

@@ -87,12 +87,9 @@ def test_a_shape_of_one_s_own_is_pressed_like_a_letter(tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "says"),
-    [
-        ({"letters": ("AB",)}, "AB"),
-        ({"letters": ()}, "nothing"),
-        ({"shapes": ("missing.stl",)}, "missing.stl"),
-    ],
-)
+    [({"letters": ("AB",)}, "AB"), ({"letters": ()}, "nothing"),
+     ({"shapes": ("missing.stl",)}, "missing.stl")],
+)  # fmt: skip
 def test_what_cannot_be_pressed_is_said(options, says):
     with pytest.raises(InputError, match=says):
         scan_letters(level_scan(**options))
@@ -146,14 +143,9 @@ def test_every_press_has_a_tilt_of_its_own():
 
 
 GONE = {
-    "foundation": "winkler",
-    "poisson": 0.45,
-    "dissipation": 0.1,
-    "wrist_relaxation": 0.005,
-    "clearance": 0.2,
-    "time_step": 1.0,
-    "skip": {"cells": True, "parts": True, "stages": True, "solver": True, "known": True},
-}
+    "foundation": "winkler", "poisson": 0.45, "dissipation": 0.1, "wrist_relaxation": 0.005, "clearance": 0.2,
+    "time_step": 1.0, "skip": {"cells": True, "parts": True, "stages": True, "solver": True, "known": True},
+}  # fmt: skip
 
 
 def test_options_that_are_gone_may_still_state_what_they_always_are():

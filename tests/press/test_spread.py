@@ -80,13 +80,10 @@ def posed_rectangle(pad, size, at, angle):
 @settings(max_examples=60, deadline=None)
 @given(
     pitch=st.floats(-0.3, 2.3).map(lambda power: 10**power),
-    sigma=st.floats(-0.52, 1.0).map(lambda power: 10**power),
-    cells=st.integers(1, 3),
-    size=st.tuples(st.floats(1, 25), st.floats(1, 25)),
-    at=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
-    angle=st.floats(0, 90),
-    slope=st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
-)
+    sigma=st.floats(-0.52, 1.0).map(lambda power: 10**power), cells=st.integers(1, 3),
+    size=st.tuples(st.floats(1, 25), st.floats(1, 25)), at=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    angle=st.floats(0, 90), slope=st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)),
+)  # fmt: skip
 @example(pitch=100.0, sigma=1.0, cells=2, size=(20.0, 4.0), at=(0.9, 0.0), angle=30.0, slope=(0.0, 0.0))
 @example(pitch=200.0, sigma=0.3, cells=1, size=(25.0, 25.0), at=(0.5, 0.5), angle=10.0, slope=(0.02, 0.01))
 def test_any_pad_and_point_spread_is_mapped_as_fine_quadrature_does(

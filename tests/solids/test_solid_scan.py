@@ -20,15 +20,12 @@ def scan() -> SpaceScan:
     rng = np.random.default_rng(0)
     poses = np.concatenate([rng.normal(0, 20, (6, 3)), random_rotations(6, rng)], axis=1)
     return SpaceScan(
-        readings=rng.random((6, 4)),
-        poses=poses,
-        labels=np.array(["nut", "nut", "bolt", "bolt", "nut", "egg"]),
-        split=np.array(["train", "test"] * 3),
+        readings=rng.random((6, 4)), poses=poses,
+        labels=np.array(["nut", "nut", "bolt", "bolt", "nut", "egg"]), split=np.array(["train", "test"] * 3),
         taxel_points=np.array([[x, y, 0.0] for y in (-1, 1) for x in (-1, 1)]),
-        taxel_normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
-        touch=np.array([0, 1, 2, 2, 3, 4]),
+        taxel_normals=np.tile([0.0, 0.0, 1.0], (4, 1)), touch=np.array([0, 1, 2, 2, 3, 4]),
         meta={"stroke": 40.0},
-    )
+    )  # fmt: skip
 
 
 def test_comes_back_from_its_file(scan: SpaceScan, tmp_path: Path) -> None:
@@ -47,13 +44,9 @@ def test_selects_by_label_and_split(scan: SpaceScan) -> None:
 
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        ({"poses": np.zeros((6, 7))}, "length 1"),
-        ({"poses": np.zeros((6, 3))}, "pose in space"),
-        ({"readings": np.full((6, 4), np.nan)}, "readings"),
-        ({"taxel_normals": np.zeros((4, 3))}, "length 1"),
-    ],
-)
+    [({"poses": np.zeros((6, 7))}, "length 1"), ({"poses": np.zeros((6, 3))}, "pose in space"),
+     ({"readings": np.full((6, 4), np.nan)}, "readings"), ({"taxel_normals": np.zeros((4, 3))}, "length 1")],
+)  # fmt: skip
 def test_refuses(scan: SpaceScan, change: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
         replace(scan, **change)

@@ -133,14 +133,10 @@ def test_a_hand_gives_two_readings_a_touch():
 
 @pytest.mark.parametrize(
     ("words", "says"),
-    [
-        (["--letters", "AE"], "--objects"),
-        (["--pad", "pad.toml"], "use --scan-set pad=FILE"),
-        (["--objects", "bolzen"], "bolt"),
-        (["--touches", "0"], "touches"),
-        (["--hand", "nothere.toml"], "nothere.toml"),
-    ],
-)
+    [(["--letters", "AE"], "--objects"), (["--pad", "pad.toml"], "use --scan-set pad=FILE"),
+     (["--objects", "bolzen"], "bolt"), (["--touches", "0"], "touches"),
+     (["--hand", "nothere.toml"], "nothere.toml")],
+)  # fmt: skip
 def test_a_mistake_is_one_line_that_says_what_would_be_right(here, words, says):
     refused(here("run", "--task", "solids", "--estimator", "alike", *words), says)
 

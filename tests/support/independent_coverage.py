@@ -44,18 +44,15 @@ def independent(*folders):
             math.exp(-((2 * j - 1) ** 2) * math.pi**2 / (8 * away**2)) for j in range(1, 200)
         )
         found.append(
-            {
-                "brier": float(np.mean((p - right) ** 2)),
-                "negative_log_likelihood": float(np.mean(-np.log(p_truth))),
-                "coverage_90": float(np.mean(rank < 0.9)) if n else None,
-                "sharpness_mm": float(np.mean(radius)) if n else None,
-                "nees": float(np.mean(nees)) if len(nees) else None,
-                "coverage_90_worst": float(min(part.mean() for part in quarters)) if n >= 4 else None,
-                "coverage_90_worst_low": min(low for low, _ in ends),
-                "coverage_90_worst_high": min(high for _, high in ends),
-                "rank_p": p_value,
-            }
-        )
+            {"brier": float(np.mean((p - right) ** 2)),
+             "negative_log_likelihood": float(np.mean(-np.log(p_truth))),
+             "coverage_90": float(np.mean(rank < 0.9)) if n else None,
+             "sharpness_mm": float(np.mean(radius)) if n else None,
+             "nees": float(np.mean(nees)) if len(nees) else None,
+             "coverage_90_worst": float(min(part.mean() for part in quarters)) if n >= 4 else None,
+             "coverage_90_worst_low": min(low for low, _ in ends),
+             "coverage_90_worst_high": min(high for _, high in ends), "rank_p": p_value}
+        )  # fmt: skip
     return found
 
 

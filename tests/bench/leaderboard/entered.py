@@ -80,14 +80,9 @@ def _run(asked, of, method, skill, mm, seconds, seed, bounds):
     objects = {str(letter): Properties(1, (0.0, 0.0), 60.0) for letter in letters}
     bound = np.full((n, r), 0.3 * mm) if bounds else None
     return Run(
-        config=config,
-        about=about,
-        objects=objects,
-        work={},
-        trials=trials,
-        times={"seconds": {"total": 1.0}, "peak_memory_mb": 300.0},
-        bounds=bound,
-    )
+        config=config, about=about, objects=objects, work={}, trials=trials,
+        times={"seconds": {"total": 1.0}, "peak_memory_mb": 300.0}, bounds=bound,
+    )  # fmt: skip
 
 
 def make_bundle(seeds=(0, 1), **changes):

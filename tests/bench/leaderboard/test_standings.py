@@ -175,11 +175,8 @@ def test_what_cannot_be_read_is_said_and_the_rest_is_ranked(made, tmp_path, monk
     odd = changed(odd, runs=tuple(replace(run, about=run.about | no_pad) for run in odd.runs))
     found = folder_of(tmp_path, {"best": made["best"], "odd": odd, "small": make_bundle()})
     assert [path.name for path, _ in found.unreadable] == [
-        "best.tar.xz",
-        "cut.tar.xz",
-        "odd.tar.xz",
-        "older.zip",
-    ]
+        "best.tar.xz", "cut.tar.xz", "odd.tar.xz", "older.zip",
+    ]  # fmt: skip
     assert found.unreadable[0][1] == "250 trials; a leaderboard takes 249"
     assert found.unreadable[3][1].startswith("it is of an earlier version")
     assert found.unreadable[2][1] == "pad: rows: give a number of at least 1, got 0"

@@ -153,17 +153,13 @@ def counts(of):
         (lambda: lost(scan_of(["tee"], presses=1)), "'tee' has one training press"),
         (lambda: counts(lambda readings: readings + 400), "16 training presses are too few to find it"),
         (lambda: counts(lambda readings: 1023 - readings), "at rest is not 0"),
-        (
-            lambda: changed(2, lambda rng: rng.normal(0, 1, PAD.taxels)),
-            "'tee' these are idle frames.*: 3; leave",
-        ),
+        (lambda: changed(2, lambda rng: rng.normal(0, 1, PAD.taxels)),
+         "'tee' these are idle frames.*: 3; leave"),
         (lambda: changed(18, 1), "press 3 of 'ell' is press 2 of 'tee'"),
-        (
-            lambda: changed(4, lambda rng: 100.0 * (rng.random(PAD.taxels) < 0.03)),
-            "press 5 of the 8 training presses of 'tee' fits nowhere",
-        ),
+        (lambda: changed(4, lambda rng: 100.0 * (rng.random(PAD.taxels) < 0.03)),
+         "press 5 of the 8 training presses of 'tee' fits nowhere"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_aligned_is_refused(scan, words):
     with pytest.raises(InputError, match=words):
         align(scan())

@@ -25,18 +25,8 @@ def whole(screen):
 @pytest.mark.long
 def test_the_guide_fits_a_terminal_and_outlives_a_lost_pad(bench, on_terminal, tmp_path):
     words = [
-        "record",
-        "--port",
-        "pad",
-        "--letter",
-        "A",
-        "--out",
-        "A.npz",
-        "--poses",
-        "random:3",
-        "--frames",
-        "5",
-    ]
+        "record", "--port", "pad", "--letter", "A", "--out", "A.npz", "--poses", "random:3", "--frames", "5",
+    ]  # fmt: skip
     hand = ["--follow", "A.tactrec", "--rate", "200", "--lift", "0.5", "--scan-set", "sensor.noise=0.2"]
     with emulated(bench, "--port", "pty:pad", *hand):
         terminal = on_terminal(*words)

@@ -14,17 +14,8 @@ from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions
 
 HAND = [
-    "--port",
-    "simulated:hand",
-    "--seed",
-    "0",
-    "--frames",
-    "3",
-    "--estimator",
-    "histogram",
-    "--bins",
-    "1000",
-]
+    "--port", "simulated:hand", "--seed", "0", "--frames", "3", "--estimator", "histogram", "--bins", "1000",
+]  # fmt: skip
 
 
 def marks(path):

@@ -192,14 +192,9 @@ def test_a_world_that_is_written_is_accepted(tmp_path):
 
     fit, _ = fitted(RIGID, angles=2, **RIGID)
     wild = dataclasses.replace(
-        fit,
-        gain_spread=3.0,
-        placement_rad=9.0,
-        noise=1e9,
-        wrist=1e12,
-        tilt_offset=np.array([9.0, -9.0]),
+        fit, gain_spread=3.0, placement_rad=9.0, noise=1e9, wrist=1e12, tilt_offset=np.array([9.0, -9.0]),
         stiffness=1e-9,
-    )
+    )  # fmt: skip
     for one in (fit, wild):
         (tmp_path / "world.toml").write_bytes(tomli_w.dumps(fitted_world(ScanOptions(), one, "kPa")).encode())
         options = scan_options(world=str(tmp_path / "world.toml"))

@@ -171,18 +171,12 @@ def shifted(function, by):
     [
         (plane, "draw_true_pose", lambda right: shifted(right, [0, 0, 1e-5])),
         (Slip, "poses", lambda right: shifted(right, [1e-5, 0, 0])),
-        (
-            trials,
-            "generator",
-            lambda right: lambda seed, one, stream: right(seed + (stream == 1), one, stream),
-        ),
-        (
-            trials,
-            "generator",
-            lambda right: lambda seed, one, stream: right(seed + (stream == 0), one, stream),
-        ),
+        (trials, "generator",
+         lambda right: lambda seed, one, stream: right(seed + (stream == 1), one, stream)),
+        (trials, "generator",
+         lambda right: lambda seed, one, stream: right(seed + (stream == 0), one, stream)),
     ],
-)
+)  # fmt: skip
 def test_the_hash_sees_what_a_trial_draws(monkeypatch, small, where, name, make):
     moving = small('letters = "IO"', 'letters = "IO"\nslip = {walk_mm = 0.1}')
     base = data.hash_data(moving, 0)

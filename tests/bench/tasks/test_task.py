@@ -16,24 +16,14 @@ NAMES = names()
 # What is asked, by a hash of all but the sentence that says it. A task that somebody may have results on does not
 # change: a change needs a new version, a file letters-v2.toml beside letters-v1.toml.
 PUBLISHED = {
-    "active-v1": "cb1529a062a6bfdf",
-    "glyphs36-by-hand-v1": "070803dccef9a71e",
-    "glyphs36-v1": "857573752c9640b8",
-    "letters-offgrid-v1": "f51d4de240647949",
-    "letters10-faulty-v1": "eed9faf452ce52b9",
-    "letters-v1": "c2771a4320b5ab84",
-    "open-set-v1": "8723ed3ba09495d8",
-    "slip-v1": "1f942f788ccc36c9",
-    "smoke-v1": "89f40454a287cf1a",
-    "tilted-v1": "8752e003b9b8e24e",
-    "dtmf7-light-v1": "c7006071d039fdf2",
-    "dtmf7-v1": "d79b154c8fbf5620",
-    "icub10-v1": "f949966693697ba5",
-    "kiechle36-v1": "edbbd80a50eb4df6",
-    "schunk5-v1": "2bbce9a4d3ae24f2",
-    "tekscan22-v2": "8b0222140835e368",
-    "worn-pad-v1": "2bd7417c70b28b31",
-}
+    "active-v1": "cb1529a062a6bfdf", "glyphs36-by-hand-v1": "070803dccef9a71e",
+    "glyphs36-v1": "857573752c9640b8", "letters-offgrid-v1": "f51d4de240647949",
+    "letters10-faulty-v1": "eed9faf452ce52b9", "letters-v1": "c2771a4320b5ab84",
+    "open-set-v1": "8723ed3ba09495d8", "slip-v1": "1f942f788ccc36c9", "smoke-v1": "89f40454a287cf1a",
+    "tilted-v1": "8752e003b9b8e24e", "dtmf7-light-v1": "c7006071d039fdf2", "dtmf7-v1": "d79b154c8fbf5620",
+    "icub10-v1": "f949966693697ba5", "kiechle36-v1": "edbbd80a50eb4df6", "schunk5-v1": "2bbce9a4d3ae24f2",
+    "tekscan22-v2": "8b0222140835e368", "worn-pad-v1": "2bd7417c70b28b31",
+}  # fmt: skip
 OWN = """
 line = "Two letters."
 seeds = [3, 1, 4, 5, 9]

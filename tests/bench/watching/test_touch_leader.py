@@ -123,11 +123,6 @@ def test_a_tare_says_what_is_noise(recogniser, device, scan, eventually):
 
 def calibration_of(noise):
     return Calibration(
-        device="x",
-        port="x",
-        taken="2026-01-01T00:00:00Z",
-        frames=40,
-        tare=[0.0] * 36,
-        noise=noise,
+        device="x", port="x", taken="2026-01-01T00:00:00Z", frames=40, tare=[0.0] * 36, noise=noise,
         gain=[1.0] * 36,
-    )
+    )  # fmt: skip

@@ -109,14 +109,10 @@ def test_tables_come_to_log_p_as_their_lattice_gets_finer(scan, name):
 
 @pytest.mark.parametrize(
     ("answer", "said"),
-    [
-        (lambda count: np.zeros((count, 1)), "has shape"),
-        (lambda count: 0.0, "has shape"),
-        (lambda count: np.full(count, np.nan), "a NaN, inf"),
-        (lambda count: np.full(count, np.inf), "a NaN, inf"),
-        (lambda count: np.full(count, "1"), "a NaN, inf"),
-    ],
-)
+    [(lambda count: np.zeros((count, 1)), "has shape"), (lambda count: 0.0, "has shape"),
+     (lambda count: np.full(count, np.nan), "a NaN, inf"),
+     (lambda count: np.full(count, np.inf), "a NaN, inf"), (lambda count: np.full(count, "1"), "a NaN, inf")],
+)  # fmt: skip
 @pytest.mark.parametrize("name", FILTERS)
 def test_an_answer_that_is_none_is_refused_and_the_model_named(scan, monkeypatch, name, answer, said):
     made = fitted(name, scan, likelihood="Odd")

@@ -60,12 +60,9 @@ def literal(kind, squared, sigma, peak, prior):
 
 @settings(deadline=None)
 @given(
-    st.integers(0, 2**32 - 1),
-    st.floats(0.3, 5),
-    st.sampled_from([0.1, 0.4, 1.0]),
-    st.sampled_from([1e-3, 0.2, 0.5, 0.99]),
-    st.sampled_from([0.01, 0.9, 1 - 1e-9]),
-)
+    st.integers(0, 2**32 - 1), st.floats(0.3, 5), st.sampled_from([0.1, 0.4, 1.0]),
+    st.sampled_from([1e-3, 0.2, 0.5, 0.99]), st.sampled_from([0.01, 0.9, 1 - 1e-9]),
+)  # fmt: skip
 def test_every_cell_gets_what_the_equations_say(seed, sigma, cell, prior, peak):
     rng = np.random.default_rng(seed)
     shape, origin = (23, 31), np.array([-4.0, 2.0])

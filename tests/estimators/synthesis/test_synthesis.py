@@ -48,12 +48,9 @@ def fitted(labels, placement=0.0, forward=Forward, **options):
     """Fit to one press of each label, which is as the forward model says."""
     model, count = forward(labels, placement), len(labels)
     scan = Scan(
-        np.concatenate([model.readings(label, np.zeros((1, 3))) for label in labels]),
-        np.zeros((count, 3)),
-        np.array(labels),
-        np.array(["train"] * count),
-        square_pad(),
-    )
+        np.concatenate([model.readings(label, np.zeros((1, 3))) for label in labels]), np.zeros((count, 3)),
+        np.array(labels), np.array(["train"] * count), square_pad(),
+    )  # fmt: skip
     estimator = estimators.create("synthesis", **{"spacing": 1.5, "angles": 12, "modes": 200} | options)
     estimator.bring(model)
     estimator.fit(scan)
