@@ -207,6 +207,7 @@ def smaller_sweep(source):
     table = tomllib.loads(given.read_text(encoding="utf-8"))
     few = {"trials": 1, "readings": 3}
     defaults = table.get("defaults", {})
+    few |= {"train_presses": 12} if "train_presses" in defaults else {}  # scans are of four angles here
     of_tasks = any("task" in one for one in (defaults, *table["run"]))
     # A task has letters of its own, and several seeds; a scan of the page's own has labels of its own.
     fewest = {"seed": 0} if of_tasks else {} if "scan" in defaults else {"letters": "IL"}
