@@ -133,10 +133,6 @@ def csv_device():
     )
 
 
-def read_marks(path):
-    read_intervals(path)
-
-
 def read_csv(path):
     for _ in CsvReplay(path, csv_device()):
         pass
@@ -153,10 +149,6 @@ def read_scan(path):
     properties(scan)
     assert len(scan.digest) == 64
     scan.where("train")
-
-
-def read_shape(path):
-    models.shape(path)
 
 
 def read_run(path):
@@ -191,13 +183,13 @@ TEXTS = {
     "calibration.toml": (CALIBRATION, read_calibration),
 }
 FILES = {
-    "marks.csv": (lambda folder: MARKS, read_marks),
+    "marks.csv": (lambda folder: MARKS, read_intervals),
     "vendor.csv": (lambda folder: CSV, read_csv),
     "recording.tactrec": (lambda folder: recording(folder / "made.tactrec"), read_recording),
-    "thing.stl": (lambda folder: mesh("stl"), read_shape),
-    "thing.obj": (lambda folder: mesh("obj"), read_shape),
-    "thing.glb": (lambda folder: mesh("glb"), read_shape),
-    "thing.svg": (lambda folder: SVG, read_shape),
+    "thing.stl": (lambda folder: mesh("stl"), models.shape),
+    "thing.obj": (lambda folder: mesh("obj"), models.shape),
+    "thing.glb": (lambda folder: mesh("glb"), models.shape),
+    "thing.svg": (lambda folder: SVG, models.shape),
 }
 OF_A_RUN = ("run.json", "summary.json", "times.json", "trials.csv", "times.csv", "sweep.json")
 

@@ -144,15 +144,6 @@ def test_a_link_that_is_cut_comes_back(paper_pad, emulated_pad, on, tmp_path):
     assert source.counters.clock_restarts == 0
 
 
-def test_every_fault_at_once_never_makes_a_reading_up(paper_pad, emulated_pad):
-    faults = Faults(drop=0.001, flip=0.001, torn=0.05, garbage=0.1)
-    with serving(emulated_pad, faults=faults) as url, LiveSource([url], paper_pad) as source:
-        readings = [source.read(5.0) for _ in range(150)]
-    expected = np.array([ramp(paper_pad)(reading.index / 200.0) for reading in readings])
-    assert np.abs([reading.pressures for reading in readings] - expected).max() <= 0.35 + 1e-9
-    assert source.counters.garbage_bytes > 0
-
-
 def test_a_sensor_that_does_not_answer_is_named_and_its_old_bytes_are_not_taken():
     device = singletact(taxels=3)
     emulated = EmulatedSingleTact(device, ramp(device), rate=50.0)

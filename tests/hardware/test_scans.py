@@ -192,9 +192,8 @@ def test_moments_are_found_without_marks_of_the_rise(first, zero):
 
 
 @pytest.mark.parametrize("moments", [None, 4])
-@pytest.mark.parametrize("share", [0.6])
-def test_test_presses_are_read_at_a_share_of_their_load(moments, share):
-    images, length = recording()
+def test_test_presses_are_read_at_a_share_of_their_load(moments):
+    (images, length), share = recording(), 0.6
     made = scan_of_intervals(Played(images), marks(4, length), moments, share)
     train, test = made.where("train"), made.where("test")
     assert test.moments.tolist() == [share]
