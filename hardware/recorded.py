@@ -343,4 +343,6 @@ def open_source(places: Sequence[str], device: Device, log: Log | None) -> Sourc
             "'time [s], t0, t1, ...' and a line a frame, SECONDS_PER_FRAME apart"
         )
     packed = head.startswith(b"\x1f\x8b")
-    return CsvReplay(places[0], device, log) if packed or is_text(head) else Replay(places[0])
+    windows = head.replace(b"\xa0", b" ")  # as it writes blanks between thousands
+    of_text = packed or is_text(head) or is_text(windows)
+    return CsvReplay(places[0], device, log) if of_text else Replay(places[0])

@@ -537,7 +537,8 @@ def named_rows(
         thousands = text_tables.thousands_mark(cells(taxels), commas) or ""
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    commas = commas or (not thousands and text_tables.has_decimal_commas(cells(taxels), separator))
+    whole = (cell.replace(thousands, "") for cell in cells(taxels))
+    commas = commas or text_tables.has_decimal_commas(whole, separator)
     if not any(row for _, row in rows):
         raise InputError(f"{path} holds no {what}: there is no row below the names {', '.join(names)}")
     for number, row in rows:
@@ -545,8 +546,8 @@ def named_rows(
         if any(row[len(names) :]):
             raise InputError(f"{where}: it has more columns than the title {short(lines[above - 1])}")
         if row:
-            whole = [cell.replace(thousands, "") if at in taxels else cell for at, cell in enumerate(row)]
-            pointed = text_tables.with_points(whole, separator, commas)
+            bare = [cell.replace(thousands, "") if at in taxels else cell for at, cell in enumerate(row)]
+            pointed = text_tables.with_points(bare, separator, commas)
             named = {
                 name: row[at] if at in words else pointed[at] for at, name in enumerate(names[: len(row)])
             }

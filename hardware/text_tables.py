@@ -20,7 +20,10 @@ from tactsim.core.poses import FloatArray
 
 TITLE_WITHIN = 40  # lines, at whose end the names have stood
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
-_OF_A_NUMBER = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?|[-+]?\d{1,3}(,\d{3})+", re.IGNORECASE)  # with commas
+_OF_A_NUMBER = re.compile(  # with commas
+    r"[-+]?(\d*,\d+(e[-+]?\d+)?|\d{1,3}(,\d{3})+(\.\d*)?|\d{1,3}(\.\d{3})+,\d*)", re.IGNORECASE
+)
+_BETWEEN_THOUSANDS = ("\u00a0", "\u202f", "\u2009", " ", "'", "\u2019", "\ufffd", ",", ".")  # or what was one
 _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _BY_CHANCE = 20  # numbers; of so many with up to three decimals one in ten ends earlier
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
@@ -77,20 +80,22 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
 
 
 def thousands_mark(cells: Iterable[str], commas: bool = False) -> str | None:
-    """Find the mark between the thousands of whole numbers, as in 5,166 or 1 234 567; None if they have none.
+    """Find the mark between the thousands of numbers, as in 5,166 or 1 234 567,5; None if they have none.
 
     cells: of all taxels. commas: whether other numbers of the table have decimal commas.
-    A comma or point is one if all that have it have three digits behind it, and some number is
-    whole without it. Raises InputError if that may be chance, since few have it.
+    A comma or point is one if all that have it have three digits behind it, and decimals behind the other, or some
+    number is whole without it. Raises InputError if that may be chance, since few have it.
     """
     cells = list(cells)
-    for mark in ("\u00a0", "\u202f", " ", "'", ",", "."):
+    for mark in _BETWEEN_THOUSANDS:
         marked = [cell for cell in cells if mark in cell]
-        form = re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+")
-        if not marked or not all(map(form.fullmatch, marked)):
+        decimal = {",": r"\.", ".": ","}.get(mark, "[.,]")
+        form = re.compile(rf"[-+]?[1-9]\d{{0,2}}({re.escape(mark)}\d{{3}})+({decimal}\d*)?")
+        found = [form.fullmatch(cell) for cell in marked]
+        if not marked or not all(found):
             continue
         others = [cell for cell in cells if cell and mark not in cell]
-        if mark not in ",." or any(cell.count(mark) > 1 for cell in marked):
+        if mark not in ",." or any(one and (one[0].count(mark) > 1 or one[2]) for one in found):
             return mark
         if not others or not all(re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in others):
             continue
@@ -180,7 +185,7 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
     cells = [_cells(line) for line in text.splitlines()]
     behind = [cell for row in cells for cell in row[1:]]  # before them a clock may stand
     thousands = thousands_mark(behind) or ""
-    commas = not thousands and has_decimal_commas(chain(*cells), ";")
+    commas = has_decimal_commas((cell.replace(thousands, "") for cell in chain(*cells)), ";")
     numbers = [_numbers(row, thousands, commas) for row in cells]
     widths = Counter(len(one) for one in numbers if one is not None)
     fitting = [width for width in widths if width in (taxels, taxels + ahead) or taxels % max(width, 1) == 0]

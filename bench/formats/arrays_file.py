@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from math import prod
@@ -33,7 +34,7 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     """
     unknown = names.get("poses") == "none"
     names = {role: name for role, name in names.items() if role != "poses" or not unknown}
-    wanted = list(dict.fromkeys(names.values()))
+    wanted, unsaid = list(dict.fromkeys(names.values())), False
     try:
         content = read_bytes(path, LARGEST) if path.suffix.lower() == ".mat" else b""
         if content and not is_of_hdf5(content):
@@ -41,10 +42,13 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
         elif path.suffix.lower() == ".npz":
             found = read_npz(path, wanted)
         else:
-            from tactsim.bench.formats.hdf5_file import read_named  # its library is an extra
+            from tactsim.bench.formats.hdf5_file import read_named, says_matlab  # its library is an extra
 
             found = read_named(path, wanted)
+            unsaid = not says_matlab(path)
         arrays: dict[str, Any] = {role: found[name] for role, name in names.items()}
+        if unsaid:
+            arrays = _as_matlab_has_them(arrays)
         if path.suffix.lower() != ".npz":
             arrays = presses_first(arrays)
         if unknown:
@@ -63,6 +67,23 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
         ) from error
     except InputError as error:
         raise InputError(f"cannot read {path}: {error}") from error
+
+
+def _as_matlab_has_them(arrays: dict[str, Any]) -> dict[str, Any]:
+    """Turn dimensions that `h5create` of MATLAB turned round, which does not say so: poses are (3, n) there.
+
+    Raises InputError where they may be those of somebody else, who has presses last.
+    """
+    count = arrays["labels"].size
+    shape = arrays["readings"].shape
+    if len(shape) != 3 or count == 3 or getattr(arrays.get("poses"), "shape", ()) != (3, count):
+        return arrays
+    if shape[0] != count and shape[0] == shape[1]:
+        raise InputError(
+            f"readings of shape {shape} beside poses of shape (3, {count}) may be MATLAB's, whose dimensions h5create "
+            "turns round, or have presses last; save(..., '-v7.3') says whose they are, and presses first is clear, too"
+        )
+    return {role: array.T for role, array in arrays.items()}
 
 
 def presses_first(arrays: Mapping[str, Any]) -> dict[str, Any]:
@@ -91,11 +112,12 @@ def is_of_hdf5(content: bytes) -> bool:
 
 
 def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Read arrays of a MAT file by SciPy, which unpickles and runs nothing; `TS{2}` is the second array of a cell.
+    """Read arrays of a MAT file by SciPy, which unpickles and runs nothing.
 
+    `TS{2}` is the second array of a cell; `trial.press` are the fields of a struct, an array of which has them stacked.
     Raises InputError if the file is not whole, lacks an array or holds one of another kind.
     """
-    variables = {name: name.partition("{")[0] for name in names}
+    variables = {name: re.split(r"[{.]", name)[0] for name in names}
     try:
         there = {name: (shape, kind) for name, shape, kind in whosmat(BytesIO(content))}
         left = LARGEST
@@ -103,7 +125,7 @@ def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
             if name not in there:
                 raise MissingArrayError(name, {other: shape for other, (shape, _) in there.items()})
             shape, kind = there[name]
-            if kind not in _KINDS:
+            if kind not in _KINDS and not any(name == of and "." in one for one, of in variables.items()):
                 raise InputError(f"array {name!r} is a {kind}, no numbers or names")
             left -= 8 * prod(shape)
             if left < 0:
@@ -117,7 +139,9 @@ def mat_arrays(content: bytes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         said = " ".join(str(error).split())
         raise InputError(f"it is no whole MAT file: {type(error).__name__} {said}") from error
     return {
-        name: _texts(read[variable], name) if name == variable else _in_cell(read[variable], name)
+        name: _texts(read[variable], name)
+        if name == variable
+        else (_in_cell if "{" in name else _in_struct)(read[variable], name)
         for name, variable in variables.items()
     }
 
@@ -130,6 +154,19 @@ def _texts(array: NDArray[Any], name: str) -> NDArray[Any]:
     if any(cell.dtype.kind != "U" or cell.size != 1 for cell in cells):
         raise InputError(f"array {name!r} is a cell of more than texts")
     return np.array([str(cell.item()) for cell in cells], dtype=np.str_)
+
+
+def _in_struct(struct: NDArray[Any], name: str) -> NDArray[Any]:
+    """Take the field that `name`, such as trial.press, means; of an array of structs all, one behind the other."""
+    field = name.partition(".")[2]
+    if field not in (struct.dtype.names or ()):
+        raise InputError(
+            f"it has no {name!r}; its fields are {', '.join(struct.dtype.names or ()) or 'none'}"
+        )
+    found = [_texts(np.asarray(one), name) for one in struct[field].flat]
+    if any(one.shape != found[0].shape or one.dtype.kind not in "biufU" for one in found):
+        raise InputError(f"{name!r} has other shapes in other structs, or is no array of numbers or texts")
+    return found[0] if len(found) == 1 else np.array([one[0] if len(one) == 1 else one for one in found])
 
 
 def _in_cell(cell: NDArray[Any], name: str) -> NDArray[Any]:

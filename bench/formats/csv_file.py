@@ -113,7 +113,7 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         if None in readings[-1]:
             name = taxels[readings[-1].index(None)]
             got = short(words.get(name, ""))
-            raise InputError(f"{where}: {name}: give a finite number, got {got}; a dead taxel may say nan")
+            raise InputError(f"{where}: {name}: give a number up to 1e9, got {got}; a dead taxel may say nan")
     check_labels({row.label for row in rows})
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
     poses, labels, split, presses = zip(

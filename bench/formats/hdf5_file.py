@@ -85,6 +85,12 @@ def is_foreign(path: Path) -> bool:
         return False
 
 
+def says_matlab(path: Path) -> bool:
+    """Tell whether a dataset of a file says that MATLAB wrote it (-v7.3): then `read_named` turns its dimensions."""
+    with _opened(path) as file:
+        return file.visititems(lambda _, item: "MATLAB_class" in item.attrs or None) is not None
+
+
 def read_named(path: Path, names: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
     """Read datasets of somebody else's file: numbers or texts, whatever group they are in, as `group/name`.
 

@@ -249,7 +249,7 @@ def numbers_in(fields: list[bytes], base: int = 10) -> list[float] | None:
     return [float(field) for field in fields] if decimal else None
 
 
-_BESIDE = "\t\r\n\0\x1b"  # characters of a text that print nothing
+_BESIDE = "\t\r\n\0\x1b\u00a0\u2009\u202f"  # characters of a text that print nothing
 _NO_VALUE = (b"ovf", b"nan", b"inf")  # for a number that cannot be said
 _LEAST_TEXT = 0.95  # share of printable characters in a text
 _FRAMES = re.compile(rb"[,;\t ](frame|sample|scan|step)\W*\d+", re.IGNORECASE)  # names of columns

@@ -27,29 +27,19 @@ from tactsim.hardware.codecs.lines import LinesCodec, LinesFormat
 _KPA = {"kPa": 1.0, "psi": 6.894757293168361, "Pa": 1e-3}  # 1 psi = 1 lbf/in^2
 _WORD = re.compile(r"(?:[A-Z]?[a-zµμ\ufffd]+|[A-Z]+)(?![a-zµμ\ufffd\d])")
 _TIMES = {
-    *[
-        "time",
-        "timestamp",
-        "datetime",
-        "elapsed",
-        "t",
-        "seconds",
-        "millis",
-        "micros",
-        "milli",
-        "micro",
-        "msec",
-        "usec",
-    ]
+    *("time", "timestamp", "datetime", "elapsed", "t", "seconds"),
+    *("millis", "micros", "milli", "micro", "msec", "usec"),
+    *("zeit", "uhrzeit", "zeitstempel", "temps", "heure", "tiempo", "hora", "tempo", "tijd"),
 }
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
 # Of a date that is not in ISO 8601 nobody knows the month; the time of day is enough.
 _CLOCK = re.compile(
-    r"(?:\d\d?[./-]\d\d?[./-]\d{4},? )?(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+|:\d{3})?)(?: ?([AaPp])[Mm]|Z)?"
+    r"(?:\d\d?[./-](?:\d\d?|[A-Z][a-z]{2})[./-]\d{4},? |\d+ days? )?"
+    r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+|:\d{3})?)(?: ?([AaPp])[Mm]|Z)?"
 )
 _DAY = 86_400.0  # s
 # Units of time as people write them, once blanks, points and case are gone: `mSec`, `Milli Sec.`, `µs`.
-_SECOND = "(?:s|secs?|seconds?)"
+_SECOND = "(?:s|secs?|seconds?|secondes?|secondi|segundos?|seconden|sek|sekunden?)"
 _UNITS = {
     f"{_SECOND}": 1.0,
     f"(?:m|milli){_SECOND}|millis": 1e-3,
@@ -137,7 +127,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     thousands = text_tables.thousands_mark(of_taxels) or ""
     of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
     of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
-    decimals = ([] if of_hours else of_times) + ([] if thousands else of_taxels)
+    decimals = ([] if of_hours else of_times) + [cell.replace(thousands, "") for cell in of_taxels]
     commas = text_tables.has_decimal_commas(decimals, separator)
     titles[line] = _with_units(titles[line], cells_of_lines[0] if cells_of_lines else [], time)
     for column in range(time):
@@ -169,13 +159,15 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     rows = [row for row in parsed if row is not None]
     width = mode(map(len, rows)) if rows else 0  # a line may be cut short, also the first
     if width < 2:
-        but = f", but {samples[0].strip()[:60]!r}" if samples else ""
+        read = "a time is a number, hh:mm:ss or a date of ISO 8601, and what is behind it numbers up to 1e9"
+        but = f", but {samples[0].strip()[:60]!r}; {read}" if samples else ""
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} stands no line of readings{but}")
     names = [*(titles[line][time + 1 :] or titles[line][:time]), *[""] * width][: width - 1]
     whole = np.array([row for row in rows if len(row) == width])
     stored = whole[:, 1:].copy()
     whole[:, 1:], wrapped = unwrapped(stored)
     whole[:, 1:][:, flickering(whole[:, 1:])] = np.nan
+    whole[:, 0], rounds = _past_rounds(whole[:, 0])
     dead = np.isnan(whole).all(axis=0)
     if dead[1:].all():
         raise CodecError(f"behind the title {head[line].strip()[:60]!r} every number is NaN")
@@ -185,7 +177,8 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
-    remarks = [remark] if remark else []
+    again_from_0 = f"the clock goes round {rounds} times, at the end of its bits: times go on from there"
+    remarks = [*filter(None, [remark]), *([again_from_0] if rounds else [])]
     if dead.any():
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
         said = "no number in every line, or failed in many, counts as 0: never pressed"
@@ -229,6 +222,17 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
         remarks.append(said)
         every = [*(placed[k] for k in order), *(text for text in every if isinstance(text, str))]
     return names, iter(every), "; ".join(remarks) or None
+
+
+def _past_rounds(clock: FloatArray) -> tuple[FloatArray, int]:
+    """Let a clock (n,) of 16 or 32 bits, in us or ms, go on where it begins at 0 again, and count that."""
+    steps = np.diff(clock)
+    down, usual = steps < 0, float(np.median(np.abs(steps))) if len(steps) else 0.0
+    for most in (2.0**16, 2.0**32, 2.0**32 / 1e3, 2.0**32 / 1e6):
+        over = steps[down] + most
+        if 200 * usual < most and len(over) and (over >= 0).all() and (over <= 3 * usual).all():
+            return clock + most * np.concatenate([[0], np.cumsum(down)]), int(down.sum())
+    return clock, 0
 
 
 def _order(times: FloatArray) -> NDArray[np.intp] | None:

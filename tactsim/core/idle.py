@@ -30,8 +30,11 @@ _FELT = 0.1  # of the range of most taxels: one with less was hardly ever loaded
 _NARROW = 0.05  # of its range: readings at an end of it that lie closer together are at rest, or saturated
 _QUIET = 4.0  # times as far apart as those of most taxels readings at rest may lie
 _FEW = 0.2  # of the taxels: so many may be judged wrongly where a pad is pressed at a few places
-# Numbers that devices and programs write for what they could not measure: ends of 16 and 32 bits, and nines.
-_NO_READING = {-(2.0**15), 2.0**15 - 1, 2.0**16 - 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1}
+_MOST = 0.5  # of the taxels: so many do not fail often
+# Numbers that devices and programs write for what they could not measure: ends of 16 and 24 bits, and nines.
+_NO_READING = {
+    end for bits in (16, 24) for end in (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1, 2.0**bits - 1)
+}
 _NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
 _OVER = 16  # times as wide as beyond the end of 16 bits is the gap between counts that left them, and others
 _SELDOM = 0.05  # the most of its cells that fail where a taxel does not
@@ -98,10 +101,19 @@ def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
 
 
 def flickering(readings: ArrayLike) -> NDArray[np.bool_]:
-    """Tell which taxels of readings (n, taxels) fail in more than a twentieth of the presses, not of most taxels."""
-    marks = _apart(np.asarray(readings, dtype=float))
+    """Tell which taxels of readings (n, taxels) fail in more than a twentieth of the presses.
+
+    Raises InputError if most do.
+    """
+    values = np.asarray(readings, dtype=float)
+    marks = _apart(values)
     often = marks.mean(axis=0) > _SELDOM if marks.any() else np.zeros(marks.shape[1:], dtype=bool)
-    return np.asarray(often & (often.mean() < _FEW))
+    if often.any() and often.mean() > _MOST:
+        raise InputError(
+            f"{marks.mean():.0%} of the cells read {short(float(values[marks][0]))}, far from all others, as failed "
+            "cells do; leave out what was not measured, or write no number there"
+        )
+    return np.asarray(often)
 
 
 def _apart(values: FloatArray) -> NDArray[np.bool_]:
@@ -131,19 +143,27 @@ def _apart(values: FloatArray) -> NDArray[np.bool_]:
 def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
     """Give readings (n, taxels) that left the range of 16 bits, 65530 for -6 or -32766 for 32770, as they were.
 
-    Such are whole numbers with a gap between, an eighth of the range (a half where none is below 0), and hardly one
-    from the largest over the end of the range to the least; a taxel reads now below and now above it. One number alone
-    may be that of failed cells, unless most taxels often read it and the others beside it. Returns how many left it.
+    Such are whole numbers, perhaps all times a constant, with a gap between, an eighth of the range (a half where none
+    is below 0), and hardly one from the largest over the end of the range to the least; a taxel reads now below and now
+    above it. One number alone may be that of failed cells, unless most taxels often read it and the others beside it.
+    Those beyond 16 bits may have left 24. Returns how many left it.
     """
     values = np.array(readings, dtype=float)
     numbers = np.unique(values[~np.isnan(values)])
-    if len(numbers) < 2 or (numbers % 1).any() or np.ptp(numbers) >= 2**16:
+    unit = 1.0
+    if (numbers % 1).any() and len(numbers) > 1:
+        unit = float(f"{np.diff(numbers).min():.6g}")
+        numbers = np.round(numbers / unit, 2)
+    if len(numbers) < 2 or (numbers % 1).any() or np.ptp(numbers) >= 2**24:
         return values, 0
-    signed = numbers[0] < 0
+    if unit != 1:
+        mended, count = unwrapped(np.round(values / unit))
+        return (mended * unit, count) if count else (values, 0)
+    signed, bits = numbers[0] < 0, 16 if np.ptp(numbers) < 2**16 else 24
     widest = int(np.diff(numbers).argmax())
     low, high = numbers[widest : widest + 2]
-    over = numbers[0] + 2**16 - numbers[-1]  # from the largest to the least, beyond the end of the range
-    if high - low <= 2 ** (13 if signed else 15) or _OVER * over > high - low:
+    over = numbers[0] + 2**bits - numbers[-1]  # from the largest to the least, beyond the end of the range
+    if high - low <= 2 ** (bits - 3 if signed else bits - 1) or _OVER * over > high - low:
         return values, 0
     away = (
         (values <= low if signed else values >= high)
@@ -153,13 +173,13 @@ def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
     alone = (widest + 1 if signed else len(numbers) - widest - 1) == 1
     if alone and (over > _OVER or (away.mean(axis=0) > _SELDOM).mean() <= 0.5):
         return values, 0
-    values[away] += 2**16 if signed else -(2**16)
+    values[away] += 2**bits if signed else -(2**bits)
     return values, int(away.sum())
 
 
 def mending(readings: ArrayLike, count: int) -> str:
     """Say which counts of readings (n, taxels) `unwrapped` mends."""
-    if np.nanmin(np.asarray(readings)) < 0:
+    if np.nanmin(np.asarray(readings)) < 0:  # of 16 bits, as the example says
         return f"{count:,} counts above 32767 were stored with a sign, -32768 for 32768, and are mended"
     return f"{count:,} counts below 0 were stored without a sign, 65535 for -1, and are mended"
 
@@ -256,8 +276,8 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     if wrapped and zero != "off":
         taken, said = settled(replace(scan, readings=mended), zero, frames)
         return taken, f"{mending(scan.readings, wrapped)}; {said}"
-    broken = flickering(scan.readings)
-    if broken.any() and zero != "off":
+    broken = flickering(scan.readings) if zero != "off" else np.zeros(scan.readings.shape[1], dtype=bool)
+    if broken.any():
         stated = dict(scan.meta.get("left_out", {}))
         count = len(broken) + len(stated)
         of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in stated])[broken].tolist()
@@ -322,16 +342,15 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
 
 def _drift(scan: Scan, idle: Idle) -> str:
-    """Say it where the levels of the first and of the last third of the presses differ by a tenth of a typical rise."""
-    third = len(scan) // 3
-    first, last = (find_idle(part) for part in (scan.readings[:third], scan.readings[len(scan) - third :]))
-    told = first.known & last.known & (first.sign == idle.sign) & (last.sign == idle.sign)
-    moved = float(np.median((last.level - first.level)[told])) if told.any() else 0.0
-    if abs(moved) <= _DRIFTS * idle.typical:
+    """Say it where levels differ by a tenth of a typical rise between three to eight parts of the presses."""
+    parts = [find_idle(part) for part in np.array_split(scan.readings, np.clip(len(scan) // 60, 3, 8))]
+    told = np.all([part.known & (part.sign == idle.sign) for part in parts], axis=0)
+    moved = float(np.median(np.ptp([part.level[told] for part in parts], axis=0))) if told.any() else 0.0
+    if moved <= _DRIFTS * idle.typical:
         return ""
     return (
-        f"; it drifts by {moved:.3g} from the first to the last third of the presses, {abs(moved) / idle.typical:.0%} "
-        "of a typical rise, which is not taken off: press in shorter sessions, each with its own idle readings"
+        f"; it drifts by {moved:.3g} from one part of the presses to another, {moved / idle.typical:.0%} of a typical "
+        "rise, which is not taken off: press in shorter sessions, each with its own idle readings"
     )
 
 

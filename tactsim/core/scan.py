@@ -673,8 +673,9 @@ def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
     for other names.
     """
     columns = list(getattr(frame, "columns", ()))
-    if not columns or not all(isinstance(name, str) for name in columns):
+    if not columns or not (names is None or all(isinstance(name, str) for name in columns)):
         return frame
+    columns = [" ".join(map(str, name if isinstance(name, tuple) else [name])) for name in columns]
     places: list[tuple[int, ...]]
     if names is not None:
         places = [(names.get(name.strip().lower(), -1),) for name in columns]
@@ -690,7 +691,10 @@ def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
         if re.match(r"(x|c|col|column)[\W_]*#.*#", min(kinds), re.IGNORECASE):
             places = [place[::-1] for place in places]
     order = sorted(range(len(columns)), key=places.__getitem__)
-    return np.asarray(frame)[:, order]
+    values = np.asarray(frame)
+    if values.dtype == object and all(getattr(kind, "kind", "O") in "iuf" for kind in frame.dtypes):
+        values = frame.to_numpy(dtype=float, na_value=np.nan)  # pandas' numbers that may be missing
+    return values[:, order]
 
 
 def names_of(values: Any, what: str) -> NDArray[np.str_]:
@@ -706,9 +710,10 @@ def names_of(values: Any, what: str) -> NDArray[np.str_]:
         raise InputError(f"{what} are {array.dtype} of shape {array.shape}, no row of names or whole numbers")
     if array.dtype.kind == "U":
         return np.char.strip(array)
-    if not (np.isfinite(array).all() and (array == np.round(array)).all() and (np.abs(array) < 2**53).all()):
+    whole = np.isfinite(array) & (array == np.round(array)) & (np.abs(array) < 2**53)
+    if not whole.all():
         raise InputError(
-            f"{what} are numbers that are not whole, such as {short(float(array[0]))}; give names"
+            f"{what} are numbers that are not whole, such as {short(float(array[~whole][0]))}; give names"
         )
     return array.astype(np.int64).astype(np.str_)
 

@@ -216,6 +216,16 @@ def test_failed_cells_are_found_beside_a_taxel_that_flickers(turned, mark, flick
         assert np.allclose(settled(scan_of(readings), frames=idle)[0].meta["idle"]["level"], 3000)
 
 
+def test_pads_of_which_many_taxels_fail_often_are_mended_or_refused():
+    whole = np.round(3000 + 20 * pressed())
+    often = np.random.default_rng(3).random(whole.shape) < 0.2
+    taken, _ = settled(scan_of(np.where(often & (np.arange(TAXELS) % 4 == 2), 65535.0, whole)))
+    assert set(taken.meta["left_out"]) == {*map(str, range(2, TAXELS, 4))}
+    assert (np.array(taken.meta["idle"]["sign"]) == 1).all()
+    with pytest.raises(InputError, match=r"of the cells read 8388607\.0, far from all others"):
+        settled(scan_of(np.where(often, 2.0**23 - 1, whole)))
+
+
 def test_a_large_reading_among_others_is_no_failed_cell():
     ramp = np.linspace(0, 9999, 400).reshape(100, 4)
     assert not failed_cells(ramp).any()
@@ -223,11 +233,12 @@ def test_a_large_reading_among_others_is_no_failed_cell():
 
 
 @pytest.mark.parametrize("turned", [1, -1])
-def test_counts_below_0_without_a_sign_are_mended_and_counted(turned):
+@pytest.mark.parametrize(("bits", "unit"), [(16, 1.0), (24, 1.0), (16, 0.1)])
+def test_counts_below_0_without_a_sign_are_mended_and_counted(turned, bits, unit):
     counts = np.round(turned * 20 * pressed())
-    taken, said = settled(scan_of(np.mod(counts, 2.0**16)))
-    right, also = settled(scan_of(counts))
-    assert np.array_equal(taken.readings, right.readings)
+    taken, said = settled(scan_of(np.mod(counts, 2.0**bits) * unit))
+    right, also = settled(scan_of(counts * unit))
+    assert np.allclose(taken.readings, right.readings)
     assert (
         said
         == f"{(counts < 0).sum():,} counts below 0 were stored without a sign, 65535 for -1, and are mended; {also}"
@@ -253,3 +264,7 @@ def test_a_level_that_drifts_from_press_to_press_is_said(turned):
     drift = np.linspace(0, 300, len(counts)).round()[:, None]
     assert "drifts" not in settled(scan_of(counts))[1]
     assert "it drifts by 2" in settled(scan_of(counts + drift))[1]
+    to_and_fro = 100 * np.sin(np.arange(len(counts)) / len(counts) * 6 * np.pi)[:, None]
+    apart = drift * np.random.default_rng(0).choice([-1, 1], TAXELS)
+    for moved in (to_and_fro, apart):
+        assert "drifts" in settled(scan_of(counts + moved.round()))[1]

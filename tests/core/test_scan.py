@@ -456,6 +456,9 @@ def test_columns_of_a_table_go_by_their_names(names):
     assert np.array_equal(scan.poses, np.tile([3.0, 2.0, 1.0], (4, 1)))
     unnamed = Scan.from_arrays(pd.DataFrame(FLAT), pd.DataFrame(np.zeros((4, 3))), list("AABB"), pad=PAD)
     assert np.array_equal(unnamed.readings, FLAT)
+    numbered = pd.DataFrame(np.arange(24).reshape(4, 6)).astype("Int64").iloc[:, order]
+    scan = Scan.from_arrays(numbered, poses, list("AABB"), pad=PAD)
+    assert np.array_equal(scan.readings, np.arange(24).reshape(4, 6))
 
 
 def test_columns_that_are_no_taxels_or_poses_are_one_line():

@@ -231,6 +231,14 @@ def test_the_vendors_csv_is_a_recording_too_as_it_is_and_as_a_spreadsheet_saved_
     assert source.counters.garbage_bytes == 0
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_blanks_between_thousands_make_no_text_of_another_kind(tmp_path, encoding):
+    lines = "".join(f"{at};{5 + at}\u00a0250\u00a0500;7\n" for at in range(40))
+    (tmp_path / "a.csv").write_text("Time [s];a;b\n" + lines, encoding=encoding)
+    source = open_source([f"recording:{tmp_path}/a.csv"], csv_device(2))
+    assert [reading.pressures[0] for reading in source] == [1e6 * (5 + at) + 250_500 for at in range(40)]
+
+
 def vendor_table(title, times, separator=",", above="", end="\n", behind=""):
     """Write 250 frames of four numbers, 20 ms apart; the third second is pressed."""
     rows = [separator.join([time, *(str(taxel + 20 * (100 <= k < 150)) for taxel in range(4))])
@@ -457,12 +465,13 @@ def test_a_device_file_may_say_the_order_of_columns(tmp_path):
 
 
 def test_a_number_whose_point_is_not_clear_is_no_frame(tmp_path):
-    """1.234,5 and 1.234: thousands in one, perhaps a fraction in the other."""
-    (tmp_path / "a.csv").write_text(
-        "Time [ms];Elem0;Elem1\n0;1,5;2\n10;1.234,5;2\n20;1.234;2,5\n25;1.234;3\n30;7;8\n"
-    )
-    source = CsvReplay(tmp_path / "a.csv", csv_device(2))
-    assert [reading.pressures.tolist() for reading in source] == [[1.5, 2.0], [7.0, 8.0]]
+    """1.234 beside 1,5: thousands, or perhaps a fraction. 1.234,5 tells which."""
+    for line, wanted in (("", [[1.5, 2.0], [7.0, 8.0]]), ("10;1.234,5;2\n", [1.5, 1234.5, 1234, 1234, 7])):
+        text = f"Time [ms];Elem0;Elem1\n0;1,5;2\n{line}20;1.234;2,5\n25;1.234;3\n30;7;8\n"
+        (tmp_path / "a.csv").write_text(text)
+        source = CsvReplay(tmp_path / "a.csv", csv_device(2))
+        read = [reading.pressures.tolist() for reading in source]
+        assert (([first for first, _ in read]) if line else read) == wanted
 
 
 def test_a_recording_is_known_by_its_content_and_not_by_its_name(tmp_path):

@@ -37,6 +37,7 @@ def frames_of(texts):
         *[(title, 1e-6) for title in ("Time [uS]", "Time (µs)", "micros", "time/Micro Seconds", "time_usec")],
         *[(title, 1.0) for title in ("Time [S]", "elapsed_time_s", "Time (Sec.)", "seconds")],
         *[(title, 60.0) for title in ("Time [min]", "time (Minutes)")],
+        *[("Zeit in Sekunden", 1.0), ("Temps (ms)", 1e-3), ("Tiempo [s]", 1.0), ("Zeitstempel_us", 1e-6)],
     ],
 )
 def test_a_unit_of_time_is_read_however_it_is_written(title, seconds):
@@ -68,12 +69,21 @@ def test_a_clock_that_begins_anew_is_no_disorder():
     assert remark is None
 
 
+@pytest.mark.parametrize(("most", "step"), [(2**16, 40), (2**32, 20_000), (2**32 / 1000, 20.5)])
+def test_a_clock_that_goes_round_at_the_end_of_its_bits_goes_on(most, step):
+    """As millis() in 16 bits and micros() in 32 do: its later half would else come first."""
+    went = most - 50 * step + step * np.arange(200)
+    _, frames, remark = read_table(iter(table("Time [ms]", (went - most * (went >= most)).round(3))))
+    assert np.diff([frame.ticks for frame in frames]) == pytest.approx(step / 1000, abs=1e-6)
+    assert "the clock goes round 1 times" in remark
+
+
 def test_times_that_are_all_equal_say_nothing():
     with pytest.raises(CodecError, match="all 30 lines have one time, 5"):
         read_table(iter(table("Time [ms]", [5] * 30)))
 
 
-MARKS = st.sampled_from([",", ".", " ", "\u00a0", "\u202f", "'"])
+MARKS = st.sampled_from([",", ".", " ", "\u00a0", "\u202f", "\u2009", "'", "\u2019"])
 
 
 @given(
@@ -84,6 +94,18 @@ MARKS = st.sampled_from([",", ".", " ", "\u00a0", "\u202f", "'"])
 def test_marks_between_thousands_are_found(mark, large, small):
     written = [f"{number:,}".replace(",", mark) for number in large]
     assert thousands_mark([*written, *map(str, small)]) == mark
+
+
+@pytest.mark.parametrize(
+    ("mark", "decimal", "separator"), [(".", ",", ";"), (",", ".", "\t"), ("\u00a0", ",", ";")]
+)
+def test_marks_between_thousands_stand_beside_decimals(mark, decimal, separator):
+    """Lines under load, whose numbers alone have the mark, would be left out."""
+    values = np.array([[0.5, 1234567.25], [5181.5, 0.75]] * 10)
+    written = [[f"{n:,}".translate({44: mark, 46: decimal}) for n in row] for row in values]
+    lines = [separator.join([f"{40 * at}", *row]) for at, row in enumerate(written)]
+    frames = frames_of([separator.join(["Time [ms]", "a", "b"]), *lines])
+    assert np.array_equal([frame.values for frame in frames], values)
 
 
 @given(st.sampled_from(",."), st.lists(st.floats(0.001, 999), min_size=30, max_size=60))
@@ -183,7 +205,11 @@ def test_a_line_of_units_below_the_title_says_them(unit, seconds):
 
 
 @pytest.mark.parametrize(
-    ("form", "mark"), [("28.11.2026 12:00:{}", "."), ("11/28/2026 12:00:{} PM", "."), ("12:00:{}", ":")]
+    ("form", "mark"),
+    [
+        *[("28.11.2026 12:00:{}", "."), ("11/28/2026 12:00:{} PM", "."), ("12:00:{}", ":")],
+        *[("28-Nov-2026 12:00:{}", "."), ("0 days 12:00:{}", ".")],  # as MATLAB and pandas write them
+    ],
 )
 def test_a_time_of_day_behind_any_date_is_read(form, mark):
     texts = (form.format(f"{time:06.3f}".replace(".", mark)) for time in STEPS)

@@ -212,6 +212,38 @@ def test_arrays_that_matlab_saved_keep_rows_and_columns(tmp_path, last, labels, 
     assert scan.labels[3] in ("7", "C")
 
 
+@pytest.mark.parametrize("name", ["trial", "trials"])
+def test_fields_of_a_struct_are_arrays(tmp_path, name):
+    whole = {"X": READINGS.reshape(4, 2, 3), "T": POSES, "y": np.array(list("ABAC"))}
+    apart = np.zeros(4, dtype=[(field, "O") for field in whole])
+    for at in range(4):
+        apart[at] = tuple(array[at] for array in whole.values())
+    savemat(tmp_path / "lab.mat", {name: whole if name == "trial" else apart})
+    names = {"readings": f"{name}.X", "poses": f"{name}.T", "labels": f"{name}.y"}
+    scan = read_arrays(tmp_path / "lab.mat", names, PAD, "count")
+    assert np.array_equal(scan.readings, READINGS)
+    assert np.array_equal(scan.poses, POSES)
+    assert scan.labels.tolist() == list("ABAC")
+    with pytest.raises(InputError, match=r"no 'trials?.Z'; its fields are X, T, y"):
+        read_arrays(tmp_path / "lab.mat", names | {"poses": f"{name}.Z"}, PAD, "count")
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_dimensions_that_h5create_turned_round_are_turned_back(tmp_path, last):
+    """MATLAB's h5create says not that it does so; poses of (3, n) do."""
+    pictures = np.moveaxis(READINGS.reshape(4, 2, 3), 0, -1) if last else READINGS.reshape(4, 2, 3)
+    names = {role: role for role in ("readings", "poses", "labels")}
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        file.update({"readings": pictures.T, "poses": POSES.T, "labels": np.arange(4)[None]})
+    scan = read_arrays(tmp_path / "lab.h5", names, PAD, "count")
+    assert np.array_equal(scan.readings, READINGS)
+    assert np.array_equal(scan.poses, POSES)
+    with h5py.File(tmp_path / "square.h5", "w") as file:
+        file.update({"readings": np.zeros((2, 2, 4)), "poses": POSES.T, "labels": np.arange(4)})
+    with pytest.raises(InputError, match="may be MATLAB's, whose dimensions h5create"):
+        read_arrays(tmp_path / "square.h5", names, PAD.model_copy(update={"columns": 2}), "count")
+
+
 def test_presses_that_may_be_first_or_last_are_one_line(tmp_path):
     readings = np.arange(27.0).reshape(3, 3, 3)
     as_matlab_saves(tmp_path / "lab.h5", readings=readings, poses=np.zeros((3, 3)), labels=np.arange(3.0))

@@ -150,6 +150,10 @@ def test_thousands_in_frames_are_whole_and_what_reads_both_ways_is_refused(tmp_p
     whole = np.outer([0, 1, 1, 0], np.arange(24) * 137)
     (tmp_path / "nut1.csv").write_text("".join(";".join(f"{n:,}" for n in row) + "\n" for row in whole))
     assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(whole[1:2])
+    for marks in ({}, {44: ".", 46: ","}):  # 1,234.5 and 1.234,5
+        rows = ("\t".join(f"{n + 0.5:,}".translate(marks) for n in row) + "\n" for row in whole)
+        (tmp_path / "nut1.csv").write_text("".join(rows))
+        assert read_press_folder(tmp_path, PAD, "count").readings == pytest.approx(whole[1:2] + 0.5)
     (tmp_path / "nut1.csv").write_text("".join(";".join(["0", "5,166", *"0" * 22]) + "\n" for _ in range(3)))
     with pytest.raises(InputError, match="5,166 may be 5166 or"):
         read_press_folder(tmp_path, PAD, "count")
