@@ -19,7 +19,7 @@ from tactsim.bench.tasks import task
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import short
-from tactsim.core.scan import train_on
+from tactsim.core.making import train_on
 from tactsim.estimators import Estimator
 from tactsim.press import scan_letters
 

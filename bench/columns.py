@@ -24,7 +24,6 @@ from tactsim.core import InputError
 from tactsim.core.documents import read_text
 from tactsim.core.errors import short
 from tactsim.core.finite import finite
-from tactsim.core.npz import read_npz
 from tactsim.core.poses import POSE, FloatArray
 from tactsim.core.scan import is_label
 
@@ -93,6 +92,7 @@ def columns(trials: Trials) -> Table:
     for before, of in kind.poses.items():
         array = getattr(trials, of)
         values |= {f"{before}{name}": array[..., place] for place, name in enumerate(kind.pose)}
+
     names = dict.fromkeys((*kind.columns, *kind.time_columns))
     values |= {name: getattr(trials, name) for name in names if name not in values}
     return {name: np.broadcast_to(values[name], trials.label.shape).ravel() for name in names}
@@ -248,6 +248,8 @@ def read_columns(path: Path, kind: Kind) -> Table:
 
     Nothing is unpickled. Raises InputError if the file is not whole or lacks a column.
     """
+    from tactsim.core.npz import read_npz
+
     names = dict.fromkeys((*kind.columns, *kind.time_columns))
     table = read_npz(path, [name for name in names if name not in LATER], ["bound_mm", *LATER, *_RENAMED])
     return {_RENAMED.get(name, name): values for name, values in table.items()}

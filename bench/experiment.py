@@ -28,7 +28,6 @@ from tactsim.bench.trials import (
 )
 from tactsim.core import InputError, Scan
 from tactsim.core.source_digest import git_commit
-from tactsim.core.workers import worker_processes
 from tactsim.estimators import Estimator, Options, create
 from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
 from tactsim.estimators.registry import load
@@ -64,6 +63,8 @@ def perform(
     plan = kind.plan(config, gathered.scan, estimator, gathered.objects)
     tasks = trials or kind.tasks(config, gathered)
 
+    if jobs > 1:
+        from tactsim.core.workers import worker_processes
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:
         # Workers fit while this process does: its estimator's maps are shown, and with one job it does the trials.

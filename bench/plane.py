@@ -36,7 +36,6 @@ from tactsim.core.errors import some, unknown
 from tactsim.core.origins import object_origins, seen_from
 from tactsim.core.pad import offsets
 from tactsim.core.poses import POSE, FloatArray
-from tactsim.core.scan import train_on
 from tactsim.core.seeds import stream
 from tactsim.estimators import Estimator
 from tactsim.estimators.likelihoods.occupancy import maps_of
@@ -145,6 +144,8 @@ class Plane(Kind):
             report = partial(progress, "press")
             scan, work = scan_letters(config.scan_options, jobs=jobs, cache=cache, progress=report)
         if train is not None:
+            from tactsim.core.making import train_on
+
             scan = train_on(train, scan)
         letters = chosen_letters(config, scan.letters)
         if not scan.letters:

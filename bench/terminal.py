@@ -24,9 +24,8 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console, plain_table
-from tactsim.bench.results import Run, load, picture_names
+from tactsim.bench.results import Run, load, picture_names, task_name
 from tactsim.bench.runs import paper
-from tactsim.bench.runs.pooled import task_name
 from tactsim.bench.score import BESIDE, CURVES, figures
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted

@@ -32,7 +32,6 @@ from tactsim.core.errors import short
 from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
-from tactsim.core.workers import batches, wait_for
 from tactsim.estimators import NONE, Estimate, Estimator, create
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
 from tactsim.estimators.registry import load
@@ -673,6 +672,8 @@ def send_trials(
     that was fitted without it. Returns for each part how many trials it has, and what will be its result. Raises
     InputError for an estimator that cannot be sent.
     """
+    from tactsim.core.workers import batches
+
     plan = plan.portable()
     if plan.given is None:
         _compile_for(load(plan.estimator))  # once, not in each of them
@@ -690,6 +691,8 @@ def received_trials(
 
     Raises what a trial raised, as soon as it did, and concurrent.futures.BrokenExecutor if a worker died.
     """
+    from tactsim.core.workers import wait_for
+
     results = wait_for(sent, lambda done, total: progress("trials", done, total))
     work: Counter[str] = Counter()
     for _, of_part in results:

@@ -20,10 +20,11 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import SMALL, read_text
 from tactsim.core.errors import InputError, short
 from tactsim.core.files import opened
+from tactsim.core.making import check_pose_units
 from tactsim.core.moments import moments_of, plateau, shares_of
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
-from tactsim.core.scan import MOST_TURNED, Scan, check_pose_units
+from tactsim.core.scan import MOST_TURNED, Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware import text_tables
 from tactsim.hardware.calibration import LEAST_FRAMES, Calibration, Correction, find_stuck

@@ -8,9 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tactsim.models.glyphs import names, parse_letters
-from tactsim.models.letter import ConvexPart, Letter, Rectangle, export, letter, relief
+from tactsim.models.letter import Letter, letter, relief
 
 if TYPE_CHECKING:
+    from tactsim.models.parts import ConvexPart, Rectangle, export
     from tactsim.models.shapes import shape
     from tactsim.solids import Solid, mirrored, read_solid_file, solid, solid_names
 
@@ -36,4 +37,5 @@ def __getattr__(name: str) -> Any:
     # Letters do without files and solids, and a press of letters does not depend on them.
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("tactsim.models.shapes" if name == "shape" else "tactsim.solids"), name)
+    place = dict.fromkeys(("ConvexPart", "Rectangle", "export"), "models.parts") | {"shape": "models.shapes"}
+    return getattr(import_module(f"tactsim.{place.get(name, 'solids')}"), name)

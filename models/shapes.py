@@ -12,8 +12,8 @@ import numpy as np
 from tactsim.core.errors import InputError
 from tactsim.core.files import read_bytes
 from tactsim.core.poses import FloatArray
+from tactsim.models.height_field import FLATNESS, Relief
 from tactsim.models.letter import HEIGHT, LARGEST_HEIGHT, Letter, raised, relief
-from tactsim.models.relief import FLATNESS, Relief
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection

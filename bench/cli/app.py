@@ -25,7 +25,7 @@ FAILED, WRONG_INPUT = 1, 2
 # All verbs, as `bench --help` groups them, and of each its file `cmd_*`.
 GROUPS = {
     "Recognise": {
-        "run": "run", "scan": "run", "sweep": "results", "report": "results", "table": "results", "runs": "results",
+        "run": "run", "scan": "data", "sweep": "results", "report": "results", "table": "results", "runs": "results",
         "compare": "results", "bound": "limits", "fit": "limits",
     },
     "Data": {"export": "data", "import": "data", "data": "data", "align": "data"},

@@ -1,21 +1,84 @@
-"""`bench data`, `import`, `export` and `align`: readings of others, in and out."""
+"""`bench scan`, and `data`, `import`, `export` and `align`: readings of others, in and out."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from tactsim.bench import kinds
+from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.shared_options import is_typed, refuse_typed
-from tactsim.bench.config import whole_number
+from tactsim.bench.cli.shared_options import Words, dotted, is_typed, refuse_typed, with_options_of
+from tactsim.bench.config import ScanWords, scan_options, slip_of_world, whole_number
 from tactsim.bench.console import kept_clear, plain_console
 from tactsim.bench.places import check_new_file, check_new_folder
 from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.bench.formats.public_recordings import Recording
+
+
+@with_options_of(ScanWords)
+def command_scan(
+    words: Words,
+    context: typer.Context,
+    out: Path = typer.Option(..., help="The file to write, .npz."),
+    jobs: shared.Jobs = 1,
+    cache: shared.Cache = True,
+    sequence: bool = typer.Option(
+        False,
+        "--sequence",
+        help="Keep the images of every press on its way to rest; press.dynamics must be full.",
+    ),
+    task: str | None = typer.Option(
+        None,
+        metavar="solids",
+        help="Touch objects in space instead of letters in the plane.",
+        rich_help_panel=shared.SOLIDS_PANEL,
+    ),
+    objects: shared.Objects = None,
+) -> None:
+    """Press the letters at 192 poses, twice (training and test), and write the readings."""
+    from tactsim.bench.terminal import progress_bars, work_line
+    from tactsim.press import scan_letters
+
+    check_new_file(out, suffix=".npz")
+    if task is None:
+        refuse_typed(context, ["objects"], shared.OUTSIDE)
+        options = scan_options(**words)
+    else:
+        refuse_typed(context, ["sequence"], "is for letters in the plane; leave it out with --task solids")
+        words = {name: value for name, value in words.items() if is_typed(context, name)}
+        words |= {} if objects is None else {"objects": objects}
+    with progress_bars() as progress:
+        if task is None:
+            scan, work = scan_letters(
+                options, jobs=jobs, cache=cache, sequence=sequence, progress=partial(progress, "press")
+            )
+        else:
+            scan, work = kinds.load(task).scanned(words, jobs=jobs, cache=cache, progress=progress)
+    scan.save(out)
+    lines = [
+        f"{len(scan):,} {kinds.load(scan.kind).touches} of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, "
+        f"in {out}",
+        f"work  {work_line(work)}",
+    ]
+    if "settle_time" in work:
+        median, longest = (1e3 * work["settle_time"][name] for name in ("median", "longest"))
+        lines.append(
+            f"settled {median:.0f} ms after touch (median; longest {longest:.0f} ms), overshoot at most "
+            f"{100 * work['overshoot']:.1f} %"
+        )
+    slip = slip_of_world(words.get("world", "default"))  # of letters alone
+    if not slip.still:
+        given = " ".join(f"--slip {word}" for word in dotted(slip.model_dump(exclude_defaults=True)))
+        lines.append(f"the world's slip is in no reading: `bench run --scan {out} {given}` moves the object")
+    if scan.sequence_times is not None:
+        lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
+    plain_console().print("\n".join(lines))
 
 
 def command_data(
@@ -76,7 +139,7 @@ def command_export(
     source: Path = typer.Argument(..., metavar="SCAN|RUN", help="A scan, .npz, or the folder of a run."),
     to: str = typer.Option(..., metavar="FORMAT", help="The format: parquet, hdf5, or of a scan csv."),
     out: Path = typer.Option(..., help="The new folder (parquet) or the file (.h5, .csv) to write."),
-    licence: shared.Licence = None,
+    licence: pads.Licence = None,
 ) -> None:
     """Write a scan, or the trials of a run, in a format of others: Parquet, HDF5 or CSV."""
     from tactsim.bench import formats
@@ -141,10 +204,10 @@ def command_import(
     test: list[str] | None = typer.Option(
         None, help="What is to test with: a share of each object's presses, 25%, or of a folder files, S13/*."
     ),
-    shapes: shared.Shapes = None,
-    licence: shared.Licence = None,
-    zero: shared.Zero = "auto",
-    idle: shared.IdleFile = None,
+    shapes: pads.Shapes = None,
+    licence: pads.Licence = None,
+    zero: pads.Zero = "auto",
+    idle: pads.IdleFile = None,
 ) -> None:
     """Make a scan of what `bench export` wrote, bit for bit, of arrays (.npz, .mat, .h5) or of presses in a CSV."""
     from tactsim.bench import formats
@@ -160,7 +223,7 @@ def command_import(
     names = ("readings", "poses", "labels", "split")
     frames = source.is_dir() and not any((source / one).exists() for one in ("scan.json", "run.json"))
     patterns = [one for one in test or () if not one.endswith("%")]
-    shares = [shared.share("--test", one) for one in test or () if one.endswith("%")]
+    shares = [pads.share("--test", one) for one in test or () if one.endswith("%")]
     if len(shares) > 1 or (shares and (patterns or split)):
         raise InputError("--test: give one share of the presses, or files, and with --split neither")
     if patterns and not frames:
@@ -197,7 +260,7 @@ def command_import(
             scan = read_arrays(source, called, measures, unit)
         if shares:
             scan = with_last_to_test(scan, shares[0])
-        scan, told = settled(scan, zero, shared.idle_frames(idle))
+        scan, told = settled(scan, zero, pads.idle_frames(idle))
     else:
         formats.guess(source)  # a file of no format is refused for that
         if pad is not None or unit is not None:
@@ -247,7 +310,7 @@ def command_align(
     check_new_file(out, scan, suffix=".npz")
     if cut is None:
         refuse_typed(context, ("stride", "touching"), "is of cuts; say how large they are with --cut")
-    window = None if cut is None else shared.window(cut)
+    window = None if cut is None else pads.window(cut)
     least = None if touching is None else _touching(touching)
     read = Scan.load(scan)
     with kept_clear(as_json), progress_bars() as progress:

@@ -85,7 +85,7 @@ def command_probe(
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
     seconds: float = shared.number("How long to listen.", default=2.0, least=0.1),
-    seen: pads.Seen = "behind",
+    seen: shared.Seen = "behind",
     as_json: shared.AsJson = False,
 ) -> None:
     """Listen to a pad: show its rate, counters and mean reading, or the bytes that came if no reading did."""

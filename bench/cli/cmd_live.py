@@ -47,7 +47,7 @@ def command_live(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: pads.Seen = "behind",
+    seen: shared.Seen = "behind",
     seed: shared.Seed = 0,
     as_json: bool = typer.Option(
         False,
@@ -135,7 +135,7 @@ def command_watch(
     calibration: pads.CalibrationFile = None,
     web: pads.Web = False,
     web_port: pads.WebPort = 8737,
-    seen: pads.Seen = "behind",
+    seen: shared.Seen = "behind",
     seconds: float | None = shared.number(
         "For how long. Default: till q, Ctrl-C or a recording's end.", default=None, least=0
     ),

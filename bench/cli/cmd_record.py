@@ -47,10 +47,10 @@ def command_record(
     poses: str = typer.Option(
         "grid", help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
     ),
-    frames: pads.Frames = 20,
-    force: pads.Force = "0.3:20",
-    patience: pads.Patience = None,
-    seen: pads.Seen = "behind",
+    frames: shared.Frames = 20,
+    force: shared.Force = "0.3:20",
+    patience: shared.Patience = None,
+    seen: shared.Seen = "behind",
     seconds: float | None = shared.number(
         "Without --letter: for how long. Default: till Ctrl-C.", default=None, least=0.1
     ),
@@ -92,7 +92,7 @@ def _record_session(
     calibration: Calibration | None,
     plan: Plan,
     resume: bool,
-    seen: pads.Side,
+    seen: shared.Side,
     pressed: Letter | None,
 ) -> None:
     from tactsim.bench.pad import known_letter, taken_as_letters, with_letters, with_objects
@@ -211,7 +211,7 @@ def command_template(
     ),
     shape: list[Path] | None = typer.Option(None, help="A shape of your own; repeat for several."),
     device: pads.DeviceName = "emulated",
-    seen: pads.Seen = "behind",
+    seen: shared.Seen = "behind",
     paper: str = typer.Option("a4", help="The paper: a4 or letter."),
 ) -> None:
     """Print the pad's sheet and one for each letter or shape, 1:1, with the positions and angles of the scan."""

@@ -30,7 +30,7 @@ def command_replay(
         None,
         help="Which labels of --marks are letters of the catalogue, like AEIOU. Others are objects of your own.",
     ),
-    shapes: shared.Shapes = None,
+    shapes: pads.Shapes = None,
     moments: str | None = typer.Option(
         None,
         help="Take so many images of each training press, 2 to 20, at even shares of its load, auto, or off. So "
@@ -46,8 +46,8 @@ def command_replay(
     ),
     device: pads.DeviceName = "emulated",
     calibration: pads.CalibrationFile = None,
-    zero: shared.Zero = "auto",
-    idle: shared.IdleFile = None,
+    zero: pads.Zero = "auto",
+    idle: pads.IdleFile = None,
 ) -> None:
     """Read recordings again, bit for bit: show what they hold, make a scan or a table of them."""
     from tactsim.bench.console import plain_console
@@ -76,8 +76,8 @@ def command_replay(
     if (marks is not None or cut is not None or moments is not None or at_load is not None) and scan is None:
         raise InputError("--marks, --cut, --moments and --at-load make a scan: name it with --scan")
     described, correction = pads.load(device, calibration)
-    window = None if cut is None else shared.window(cut)
-    wanted, share = _moments(moments, marks), 1.0 if at_load is None else shared.share("--at-load", at_load)
+    window = None if cut is None else pads.window(cut)
+    wanted, share = _moments(moments, marks), 1.0 if at_load is None else pads.share("--at-load", at_load)
     console = plain_console()
     if rate is not None and rate <= 0:
         raise InputError(f"--rate {rate:g}: give readings a second, above 0")
@@ -86,7 +86,7 @@ def command_replay(
         source = open_source([f"recording:{path}"], described, correction)
         return source if rate is None else Clocked(source, rate)
 
-    frames = shared.idle_frames(idle, opened)
+    frames = pads.idle_frames(idle, opened)
     lines: list[str] = []
     try:  # the files come first: nobody need read to its end what is said of them
         for path in recordings:

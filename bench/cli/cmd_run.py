@@ -1,28 +1,18 @@
-"""`bench run` and `scan`: press, map, recognise and score with one estimator; with --port, on a real pad."""
+"""`bench run`: press, map, recognise and score with one estimator; with --port, on a real pad."""
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from tactsim.bench import kinds
-from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
-from tactsim.bench.cli.shared_options import Words, dotted, is_typed, refuse_typed, with_options_of
-from tactsim.bench.config import (
-    RunConfig,
-    ScanWords,
-    any_config,
-    chosen_letters,
-    run_config,
-    scan_options,
-    slip_of_world,
-)
+from tactsim.bench.cli.shared_options import Words, is_typed, refuse_typed, with_options_of
+from tactsim.bench.config import RunConfig, any_config, chosen_letters, run_config
 from tactsim.bench.console import kept_clear, plain_console
-from tactsim.bench.places import check_new_file, results_folder, save_beside, saved
+from tactsim.bench.places import results_folder, save_beside, saved
 from tactsim.core.errors import InputError, counted, unknown
 
 if TYPE_CHECKING:
@@ -55,15 +45,15 @@ def command_run(
         None,
         help="Measure the trials on the pad there, led press by press: --trials (2) of each letter, --readings "
         "(10) presses each, kept in --presses. simulated:hand shows it without a pad. Needs --train-scan.",
-        rich_help_panel=pads.PANEL,
+        rich_help_panel=shared.PAD_PANEL,
     ),
     calibration: Path | None = typer.Option(
-        None, help="Calibration file of `bench tare`.", rich_help_panel=pads.PANEL
+        None, help="Calibration file of `bench tare`.", rich_help_panel=shared.PAD_PANEL
     ),
-    frames: pads.Frames = 20,
-    force: pads.Force = "0.3:20",
-    patience: pads.Patience = None,
-    seen: pads.Seen = "behind",
+    frames: shared.Frames = 20,
+    force: shared.Force = "0.3:20",
+    patience: shared.Patience = None,
+    seen: shared.Seen = "behind",
 ) -> None:
     """Press the letters, learn their maps, recognise them in random places and score every reading."""
     from tactsim.bench.experiment import perform
@@ -92,6 +82,7 @@ def command_run(
         plain_console(stderr=True).print(f"{look}: {why}")
     folder = results_folder(out, config.estimator)
     if port is not None:
+        from tactsim.bench.cli import pad_options as pads
         from tactsim.bench.pad.guided import Station
 
         assert isinstance(config, RunConfig)  # a task has readings of its own
@@ -171,63 +162,3 @@ def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> 
         f"{config.presses} goes on"
     )
     return False
-
-
-@with_options_of(ScanWords)
-def command_scan(
-    words: Words,
-    context: typer.Context,
-    out: Path = typer.Option(..., help="The file to write, .npz."),
-    jobs: shared.Jobs = 1,
-    cache: shared.Cache = True,
-    sequence: bool = typer.Option(
-        False,
-        "--sequence",
-        help="Keep the images of every press on its way to rest; press.dynamics must be full.",
-    ),
-    task: str | None = typer.Option(
-        None,
-        metavar="solids",
-        help="Touch objects in space instead of letters in the plane.",
-        rich_help_panel=shared.SOLIDS_PANEL,
-    ),
-    objects: shared.Objects = None,
-) -> None:
-    """Press the letters at 192 poses, twice (training and test), and write the readings."""
-    from tactsim.bench.terminal import progress_bars, work_line
-    from tactsim.press import scan_letters
-
-    check_new_file(out, suffix=".npz")
-    if task is None:
-        refuse_typed(context, ["objects"], shared.OUTSIDE)
-        options = scan_options(**words)
-    else:
-        refuse_typed(context, ["sequence"], "is for letters in the plane; leave it out with --task solids")
-        words = {name: value for name, value in words.items() if is_typed(context, name)}
-        words |= {} if objects is None else {"objects": objects}
-    with progress_bars() as progress:
-        if task is None:
-            scan, work = scan_letters(
-                options, jobs=jobs, cache=cache, sequence=sequence, progress=partial(progress, "press")
-            )
-        else:
-            scan, work = kinds.load(task).scanned(words, jobs=jobs, cache=cache, progress=progress)
-    scan.save(out)
-    lines = [
-        f"{len(scan):,} {kinds.load(scan.kind).touches} of {' '.join(scan.letters)}, {scan.readings.shape[1]} taxels, "
-        f"in {out}",
-        f"work  {work_line(work)}",
-    ]
-    if "settle_time" in work:
-        median, longest = (1e3 * work["settle_time"][name] for name in ("median", "longest"))
-        lines.append(
-            f"settled {median:.0f} ms after touch (median; longest {longest:.0f} ms), overshoot at most "
-            f"{100 * work['overshoot']:.1f} %"
-        )
-    slip = slip_of_world(words.get("world", "default"))  # of letters alone
-    if not slip.still:
-        given = " ".join(f"--slip {word}" for word in dotted(slip.model_dump(exclude_defaults=True)))
-        lines.append(f"the world's slip is in no reading: `bench run --scan {out} {given}` moves the object")
-    if scan.sequence_times is not None:
-        lines.append(f"{len(scan.sequence_times):,} images of each press, {scan.sequence_times[-1]:.3f} s")
-    plain_console().print("\n".join(lines))

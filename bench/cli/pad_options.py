@@ -1,9 +1,12 @@
-"""Options that the verbs of the real pad share: which port, device and calibration, and how a person presses."""
+"""Options that verbs of real readings share: which port, device and calibration, what is known of a table."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,6 +48,89 @@ WebPort = Annotated[
 ]
 
 
+Zero = Annotated[
+    str,
+    typer.Option(
+        help="What taxels read at rest: a number, auto to find the level and the sign of each taxel in the "
+        "readings, or off."
+    ),
+]
+
+IdleFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--idle",
+        help="Readings of the untouched pad instead: a recording, a table with a column a taxel, or a .npy file.",
+    ),
+]
+
+Shapes = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--shape",
+        help="The shape of the object that is called like the file: its centre, inertia and symmetry count in "
+        "placement errors; repeat for several.",
+    ),
+]
+
+Licence = Annotated[
+    str | None,
+    typer.Option(help="The scan's licence by its SPDX name, like CC-BY-4.0, if it does not state its own."),
+]
+
+
+def share(option: str, text: str) -> float:
+    """Read a share such as 75%, or .75. Raises InputError for one that is not above 0, at most 1."""
+    number = shared.finite_number(text.removesuffix("%"))
+    found = 0.0 if number is None else number / (100 if text.endswith("%") else 1)
+    if not 0 < found <= 1:
+        raise InputError(f"{option} {text!r}: give a share above 0 %, at most 100 %, such as 75%")
+    return found
+
+
+def idle_frames(path: Path | None, opened: Callable[[Path], Source] | None = None) -> Any:
+    """Read idle readings (n, taxels) from a table of text, also a recording with times, or a .npy file.
+
+    opened: opens recordings of the pad, read in its order and unit, of which the first 10,000 readings are taken.
+    Raises InputError if it is neither.
+    """
+    if path is None:
+        return None
+    import numpy as np
+
+    from tactsim.core.documents import LARGE, read_text
+    from tactsim.core.source import SourceError
+    from tactsim.hardware.codecs.codec import CodecError, Frame
+    from tactsim.hardware.codecs.pps_csv import read_table
+    from tactsim.hardware.text_tables import numbers_of
+
+    try:
+        if path.suffix.lower() == ".npy":
+            frames = np.load(path, allow_pickle=False).astype(float)
+            return frames.reshape(len(frames), -1) if frames.ndim > 2 else frames
+        if opened is not None:
+            with suppress(SourceError), opened(path) as source:
+                if read := [reading.pressures for reading in islice(source, 10_000)]:
+                    return np.array(read)
+        text = read_text(path, "idle readings", LARGE)
+        with suppress(CodecError):
+            _, recorded, _ = read_table(text.splitlines())
+            return np.array([frame.values for frame in recorded if isinstance(frame, Frame)])
+        return numbers_of(text)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"--idle {path}: no table of numbers with a column a taxel ({error})") from error
+
+
+def window(text: str) -> tuple[int, int]:
+    """Read a window written as ROWSxCOLUMNS. Raises InputError for another text."""
+    from tactsim.bench.config import whole_number
+
+    rows, columns = (whole_number(word) for word in text.partition("x")[::2])
+    if rows is None or columns is None:
+        raise InputError(f"--cut {text!r}: write it as ROWSxCOLUMNS, like 5x5")
+    return rows, columns
+
+
 def refuse_without_page(context: typer.Context, web: bool) -> None:
     """Raise InputError if the user typed the port of a page that is not asked for."""
     if not web:
@@ -72,30 +158,6 @@ def counters_line(counters: dict[str, int]) -> str:
     from tactsim.core.counters import counter_words
 
     return ", ".join(f"{counter_words(name)} {count:,}" for name, count in counters.items() if count)
-
-
-PANEL = "On a real pad"
-Side: TypeAlias = Literal["behind", "front"]
-Frames = Annotated[int, typer.Option(min=1, help="Readings whose mean is a press.", rich_help_panel=PANEL)]
-
-Force = Annotated[
-    str, typer.Option(help="Least and most force of a press on the taxels, N.", rich_help_panel=PANEL)
-]
-
-Patience = Annotated[
-    float | None,
-    shared.number(
-        "Seconds after which a press is taken as it is, for a machine that presses.", rich_help_panel=PANEL
-    ),
-]
-
-Seen = Annotated[
-    Side,
-    typer.Option(
-        help="behind: you see the object's back as you press it; front: the pad is pressed on it.",
-        rich_help_panel=PANEL,
-    ),
-]
 
 
 def plan_settings(

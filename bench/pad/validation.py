@@ -21,8 +21,8 @@ from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked
 from tactsim.core.idle import find_idle
+from tactsim.core.making import train_on
 from tactsim.core.poses import FloatArray, compose
-from tactsim.core.scan import train_on
 from tactsim.estimators import create
 from tactsim.hardware.cutting import taxel_grid
 from tactsim.hardware.sensor_fit import Guess, SensorFit, fit_sensor, noise_of

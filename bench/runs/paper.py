@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from tactsim.bench.kinds import PLANE
 from tactsim.bench.results import Run
-from tactsim.bench.runs.pooled import budget
 
 LETTERS = ("A", "E", "I", "O", "U")
 
@@ -87,6 +86,8 @@ def in_figure(run: Run) -> Printed | None:
 
 def of_filter(run: Run) -> Printed | None:
     """Give what the paper prints of a run's own filter and budget; None if that is nothing."""
+    from tactsim.bench.runs.pooled import budget
+
     allowed = budget(run)
     for printed in PRINTED:
         if allowed and (run.estimator, allowed.amount) == (printed.estimator, printed.amount):

@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 from tactsim.core.errors import InputError
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray, invert
-from tactsim.models.letter import ConvexPart, Letter
+from tactsim.models.letter import Letter
+from tactsim.models.parts import ConvexPart
 from tactsim.press.bed import MM, slopes
 from tactsim.press.scan_options import PressOptions, ScanOptions
-from tactsim.press.scene import UNREAD_STAGES, describe_carriage, describe_part, memory
+from tactsim.press.scene import UNREAD_STAGES, describe_carriage, memory
 from tactsim.press.spread import felt_along
 from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 
@@ -297,7 +298,7 @@ def _compile(setup: _Setup) -> _Scene:
         f'<geom class="point" pos="{x * MM!r} {y * MM!r} {_RADIUS}"/>' for x, y in points.tolist()
     )
     parts = [_compressed(part, setup) for part in setup.letter.parts]
-    meshes, geoms = zip(*(describe_part(index, part) for index, part in enumerate(parts)), strict=True)
+    meshes, geoms = zip(*(_describe_part(index, part) for index, part in enumerate(parts)), strict=True)
     carriage, springs = describe_carriage("".join(geoms), _MASS, hinged=setup.hinged)
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>
@@ -335,3 +336,18 @@ def _compressed(part: ConvexPart, setup: _Setup) -> ConvexPart:
     vertices[top, 2] = (vertices[top, 2] - setup.letter.height) * setup.compression
     vertices[~top, 2] = -_BASE
     return ConvexPart(part.outline, vertices)
+
+
+def _describe_part(index: int, part: ConvexPart) -> tuple[str, str]:
+    """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
+    if part.rectangle is None:
+        vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
+        return f'<mesh name="part{index}" vertex="{vertices}"/>', (
+            f'<geom name="part{index}" type="mesh" mesh="part{index}"/>'
+        )
+    low, high = part.vertices[:, 2].min() * MM, part.vertices[:, 2].max() * MM
+    (x, y), (a, b), angle = part.rectangle
+    return "", (
+        f'<geom name="part{index}" type="box" size="{a * MM} {b * MM} {(high - low) / 2}" '
+        f'pos="{x * MM} {y * MM} {(high + low) / 2}" euler="0 0 {angle}"/>'
+    )

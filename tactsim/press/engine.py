@@ -20,7 +20,6 @@ from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
 from tactsim.core.poses import FloatArray
 from tactsim.models.letter import Letter
-from tactsim.models.relief import Relief
 from tactsim.press.bed import has_relief
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.sensor import EFFECTS, gains, hysteretic, sense
@@ -154,6 +153,8 @@ def _from_a_side(letter: Letter, rotation: FloatArray, options: ScanOptions) -> 
 
     Raises InputError for options that ask for another engine.
     """
+    from tactsim.models.height_field import Relief
+
     press = options.press
     if press.dynamics == "full":
         raise InputError("a press from another side is worked out at rest alone; give dynamics = equilibrium")

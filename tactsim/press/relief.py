@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.models.relief import Relief
+from tactsim.models.height_field import Relief
 from tactsim.press.bed import Bed
 from tactsim.press.facet_kernels import BURIED, NO_CONTACT, STATE, TIPPED, Cells, Field, Layer, press_all
 from tactsim.press.scan_options import ScanOptions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import islice
@@ -15,12 +16,10 @@ from numpy.typing import NDArray
 
 from tactsim import models
 from tactsim.core.errors import InputError
-from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import OWN_LICENCE
 from tactsim.core.scan import SPLITS, Scan
 from tactsim.core.seeds import stream
-from tactsim.core.workers import process_map
 from tactsim.press import cache as cached
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
@@ -199,7 +198,10 @@ def _ideal(
     pressed: dict[tuple[str, int], list[_Ideal]] = {name: [] for name in wanted}
     worth = int(len(tasks) * _CHUNK * _seconds_per_press(options) / WORTH_A_WORKER)
     refusal = ""
-    with process_map(min(jobs, worth)) as mapped:
+    several = min(jobs, worth) > 1
+    if several:
+        from tactsim.core.workers import process_map
+    with process_map(min(jobs, worth)) if several else nullcontext(map) as mapped:
         for (name, *_), (piece, of_piece) in zip(tasks, mapped(_press, tasks), strict=True):
             pressed[name].append(piece)
             if refusal := _too_many_blanks(wanted[name], pressed[name]):
@@ -283,6 +285,8 @@ def _aligned(
     Times are k / frame_rate until the last press rests; a press at rest keeps its last image. Where nothing
     touched, all is 0. Raises InputError if the images would take more than a scan's file may hold.
     """
+    from tactsim.core.npz import LARGEST
+
     frames = max([1, *(len(moving.times) for moving in presses if moving is not None)])
     size = 4 * len(presses) * frames * taxels
     if size > LARGEST // 2:

@@ -23,7 +23,6 @@ import mujoco
 import numpy as np
 
 from tactsim.core.poses import FloatArray
-from tactsim.models.letter import ConvexPart
 from tactsim.press.bed import MM, Springs, slopes
 from tactsim.press.touches import UnsettledError
 
@@ -286,19 +285,4 @@ def describe_carriage(geoms: str, mass: float, *, hinged: bool, height: float = 
             </body>
           </body>""",
         springs,
-    )
-
-
-def describe_part(index: int, part: ConvexPart) -> tuple[str, str]:
-    """Write a part as MJCF, m: its mesh, or nothing for an upright box, and its geom."""
-    if part.rectangle is None:
-        vertices = " ".join(f"{value:.17g}" for value in (part.vertices * MM).ravel())
-        return f'<mesh name="part{index}" vertex="{vertices}"/>', (
-            f'<geom name="part{index}" type="mesh" mesh="part{index}"/>'
-        )
-    low, high = part.vertices[:, 2].min() * MM, part.vertices[:, 2].max() * MM
-    (x, y), (a, b), angle = part.rectangle
-    return "", (
-        f'<geom name="part{index}" type="box" size="{a * MM} {b * MM} {(high - low) / 2}" '
-        f'pos="{x * MM} {y * MM} {(high + low) / 2}" euler="0 0 {angle}"/>'
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tactsim.core import rigid
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.models.symmetry import LARGEST_ORDER, PRIMES, TOLERANCE
+from tactsim.models.letter import LARGEST_ORDER, PRIMES, TOLERANCE
 
 CELL = 1.5  # mm, the longest edge of the cells of a surface
 _NEAREST = 32  # cells about a point to which its distance is measured, at most

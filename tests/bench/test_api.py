@@ -16,8 +16,7 @@ import tactsim
 from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig, scan_options
 from tactsim.bench.report.recognition import readings_of
-from tactsim.bench.results import load, save, to_json
-from tactsim.bench.runs.pooled import task_name
+from tactsim.bench.results import load, save, task_name, to_json
 from tactsim.bench.trials import TrialRules
 from tactsim.core import InputError
 from tactsim.estimators import Options

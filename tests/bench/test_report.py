@@ -37,8 +37,9 @@ from tactsim.bench.report.curves import (
 from tactsim.bench.report.page import page
 from tactsim.bench.report.picture import _draw_ranks, look, pareto_figure, plots, readings_figure
 from tactsim.bench.report.write import find, write_pages, write_report
+from tactsim.bench.results import task_name
 from tactsim.bench.runs.paper import in_figure
-from tactsim.bench.runs.pooled import budget, collect, figure_of, method_name, pool, task_name
+from tactsim.bench.runs.pooled import budget, collect, figure_of, method_name, pool
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.terminal import headline
 from tactsim.bench.trials import OneTrial, Trials

@@ -11,8 +11,8 @@ import pytest
 import tactsim
 from tactsim.bench import formats
 from tactsim.core import InputError, Scan
+from tactsim.core.making import train_on
 from tactsim.core.provenance import OWN_LICENCE
-from tactsim.core.scan import train_on
 from tactsim.core.source_digest import git_commit, source_digest
 from tactsim.press import ScanOptions, scan_letters
 

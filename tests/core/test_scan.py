@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 
 from tactsim.core import InputError, Pad, Scan, compose
+from tactsim.core.making import names_of, readings_a_press, splits_of, train_on
 from tactsim.core.pad import offsets
 from tactsim.core.poses import wrap_angle
-from tactsim.core.scan import names_of, readings_a_press, splits_of, train_on
 
 
 @pytest.fixture

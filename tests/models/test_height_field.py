@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tactsim import models
 from tactsim.core import InputError
-from tactsim.models.relief import FELT, Relief
+from tactsim.models.height_field import FELT, Relief
 
 
 def tower():

@@ -5,7 +5,7 @@ import pytest
 from manifold3d import CrossSection
 
 from tactsim import models
-from tactsim.models.symmetry import TOLERANCE, rotational_order
+from tactsim.models.letter import TOLERANCE, rotational_order
 
 
 def regular(sides, radius=12.0, phase=0.0):

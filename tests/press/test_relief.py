@@ -13,7 +13,7 @@ import tactsim
 from tactsim import models
 from tactsim.core import InputError, Pad
 from tactsim.core.poses import transform
-from tactsim.models.relief import Relief
+from tactsim.models.height_field import Relief
 from tactsim.press import press_letter
 from tactsim.press.engine import ideal_readings, press_at
 from tactsim.press.relief import press

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 import tactsim
 from tactsim import models
 from tactsim.core import InputError, Pad, rigid
-from tactsim.models.relief import Relief
+from tactsim.models.height_field import Relief
 from tactsim.press import relief
 from tactsim.press.touches import Touches
 from tactsim.solids import SpaceOptions, SpacePress, random_starts, scan_solids, solids_of, touch_grid

@@ -7,8 +7,7 @@ import pytest
 from made_up_space import make_space_run
 
 from tactsim.bench import formats
-from tactsim.bench.results import load
-from tactsim.bench.runs.pooled import task_name
+from tactsim.bench.results import load, task_name
 from tactsim.core import InputError
 from tactsim.solids.score import SpaceTrials
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from command_line import refused
 
-from tactsim.bench.cli.shared_options import idle_frames
+from tactsim.bench.cli.pad_options import idle_frames
 from tactsim.bench.formats.csv_file import columns_of, read_press_table
 from tactsim.core import InputError, Pad, Scan
 

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
-from tactsim.models.symmetry import rotational_order
+from tactsim.models.letter import FELT, rotational_order
 
 if TYPE_CHECKING:
     from manifold3d import CrossSection, Manifold
 
-# mm behind the foremost point that the footprint includes: the thickness of the default pad's layer.
-FELT = 1.0
 # mm by which a flat face may be uneven; the single precision of .stl files keeps it.
 FLATNESS = 1e-5
 LEAST_RISE = 1e-4  # least z of a facet's unit normal; what is steeper is an upright side
