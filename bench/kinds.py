@@ -110,13 +110,12 @@ class Sheet:
 class Pages:
     """A report that is wanted: its runs, each with the folder that it is known by, its file, and remarks to begin with.
 
-    each_seed: whether runs that differ in the seed alone are shown each. sheet: of the pictures beside it.
+    sheet: of the pictures beside it.
     """
 
     runs: Sequence[tuple[Path, Run]]
     out: Path
     remarks: Sequence[str]
-    each_seed: bool
     progress: Progress
     sheet: Sheet = Sheet()
 

@@ -52,9 +52,6 @@ def command_report(
         metavar="FILE.html",
         help="The page to write. Default: report.html in the folder given, in results/ for several.",
     ),
-    each_seed: bool = typer.Option(
-        False, "--each-seed", help="Show each seed by itself; else runs that differ in the seed are pooled."
-    ),
     width: str = typer.Option("7.16in", help="Of the figures beside the page, of type 8 pt: 3.4in, 86mm."),
     panel: Literal["accuracy", "error"] | None = typer.Option(
         None, help="Only this panel of the curves over readings. Default: both."
@@ -73,7 +70,7 @@ def command_report(
     check_page(target)
     check_new_file(target, picture=".html")
     with progress_bars() as progress:
-        written, remarks = write_report(runs, target, each_seed=each_seed, progress=progress, sheet=sheet)
+        written, remarks = write_report(runs, target, progress=progress, sheet=sheet)
     for kind, path in zip(["report", *["beside"] * (len(written) - 1)], written, strict=True):
         typer.echo(printable(f"{kind}  {path}"))
     for remark in remarks:

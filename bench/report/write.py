@@ -33,7 +33,6 @@ def write_report(
     paths: Iterable[Path],
     out: Path,
     *,
-    each_seed: bool = False,
     progress: Progress = silent,
     sheet: Sheet = Sheet(),  # noqa: B008  (frozen)
 ) -> tuple[list[Path], list[str]]:
@@ -43,7 +42,7 @@ def write_report(
     """
     folders, remarks = find(paths)
     runs = [(folder, load(folder)) for folder in folders]
-    return write_pages(runs, out, remarks, each_seed=each_seed, progress=progress, sheet=sheet)
+    return write_pages(runs, out, remarks, progress=progress, sheet=sheet)
 
 
 def write_pages(
@@ -51,13 +50,12 @@ def write_pages(
     out: Path,
     remarks: Iterable[str] = (),
     *,
-    each_seed: bool = False,
     progress: Progress = silent,
     sheet: Sheet = Sheet(),  # noqa: B008  (frozen)
 ) -> tuple[list[Path], list[str]]:
     """Make the report of runs, each with the folder that it is known by, at `out`.
 
-    Runs that differ in the seed alone are shown as one, unless `each_seed`.
+    Runs that differ in the seed alone are shown as one.
     Returns all files written, the page first, and remarks on what is missing, `remarks` first; the page has
     them too. Beside FILE.html stand FILE-readings.csv and so on; for report.html plain readings.csv.
     What an older report left there is replaced. Raises InputError if `out` cannot be written, or if something else
@@ -71,7 +69,7 @@ def write_pages(
         raise InputError(f"a report is of runs of one kind, and these are {' and '.join(several)}; make two")
     if sheet != Sheet() and several != [PLANE]:
         raise InputError("--width, --panel and --no-caption are of letters in the plane; leave them out")
-    return runs[0][1].kind.page(Pages(runs, out, list(remarks), each_seed, progress, sheet))
+    return runs[0][1].kind.page(Pages(runs, out, list(remarks), progress, sheet))
 
 
 def write_plane_pages(of: Pages) -> tuple[list[Path], list[str]]:
@@ -79,7 +77,7 @@ def write_plane_pages(of: Pages) -> tuple[list[Path], list[str]]:
     out = of.out
     scans: dict[str, Scan] = {}
     bounded = ((folder, _with_bounds(run, scans)) for folder, run in of.runs)
-    groups = collect(bounded, pool_seeds=not of.each_seed)
+    groups = collect(bounded)
     prefix = "" if out.stem == "report" else f"{out.stem}-"
     pictures = _pictures(groups)
     _check_beside(out, prefix, [names for names, *_ in pictures])

@@ -160,14 +160,14 @@ class Group:
         return min(entry.readings for entry in self.entries)
 
 
-def collect(runs: Iterable[tuple[Path, Run]], *, pool_seeds: bool = False) -> list[Group]:
+def collect(runs: Iterable[tuple[Path, Run]]) -> list[Group]:
     """Group runs, each with the folder that it is known by, by protocol and task, in order of appearance.
 
-    pool_seeds: whether runs that differ in the seed alone are one entry. A method's entries go by their budget, and
-    those that would be called alike are told apart by their folders.
+    Runs that differ in the seed alone are one entry. A method's entries go by their budget, and those that would be
+    called alike are told apart by their folders.
     """
     groups: dict[tuple[str, str], list[Pooled]] = {}
-    for one in _pooled(runs, pool_seeds):
+    for one in _pooled(runs):
         groups.setdefault((one.protocol, one.task), []).append(one)
     order = list(dict.fromkeys(protocol for protocol, _ in groups))
     collected = []
@@ -188,7 +188,7 @@ def pool(runs: Iterable[Run]) -> list[Pooled]:
 
     Raises InputError if a run is there twice.
     """
-    pools = _pooled(((None, run) for run in runs), True)
+    pools = _pooled((None, run) for run in runs)
     seen = set()
     for one in pools:
         key = one.protocol, one.task, one.label, one.readings, one.run.config["trials"]
@@ -217,13 +217,12 @@ def _told_apart(one: Pooled, pools: Sequence[Pooled]) -> Pooled:
     return replace(one, mark=", ".join(mark))
 
 
-def _pooled(runs: Iterable[tuple[Path | None, Run]], pool_seeds: bool) -> list[Pooled]:
-    """Put runs together that differ in the seed alone, if `pool_seeds`; one that is there twice stays by itself."""
+def _pooled(runs: Iterable[tuple[Path | None, Run]]) -> list[Pooled]:
+    """Put runs together that differ in the seed alone; one that is there twice stays by itself."""
     found: dict[tuple[Any, ...], tuple[Path | None, list[Run]]] = {}
     for number, (folder, run) in enumerate(runs):
-        task = task_name(run, with_seed=not pool_seeds)
-        what = method_name(run), budget(run), run.protocol, task
-        key: tuple[Any, ...] = (*what, run.readings, run.config["trials"], 0 if pool_seeds else number)
+        what = method_name(run), budget(run), run.protocol, task_name(run, with_seed=False)
+        key: tuple[Any, ...] = (*what, run.readings, run.config["trials"])
         if key in found and run.seed in [other.seed for other in found[key][1]]:
             key = (*key, number)
         found.setdefault(key, (folder, []))[1].append(run)

@@ -314,8 +314,6 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
     assert {(row["seed"], row["estimator"], row["budget"]) for row in rows} == {
         ("0 1 2", "histogram", "1000")
     }
-    groups = collect(loaded(seeds), pool_seeds=False)
-    assert [len(entry.runs) for group in groups for entry in group.entries] == [1, 1, 1]
 
 
 def test_what_the_paper_prints_stands_beside_runs_of_its_filter_and_protocol():
