@@ -105,9 +105,7 @@ class Correction:
         return replace(reading, pressures=self.whole(reading.pressures)[self._kept])
 
 
-def take_tare(
-    readings: Sequence[Reading], device: Device, port: str, now: datetime | None = None
-) -> Calibration:
+def take_tare(readings: Sequence[Reading], device: Device, port: str) -> Calibration:
     """Take the median of unloaded readings as each taxel's zero, and mask taxels that are stuck or always loaded.
 
     A taxel further from zero than the device file's `largest_offset_kpa` is always loaded if it is at rest and such
@@ -148,7 +146,7 @@ def take_tare(
             "during the tare; take everything off and wait until it is at rest"
         )
     return Calibration(
-        device=device.name, port=port, taken=now or datetime.now(UTC).replace(microsecond=0),
+        device=device.name, port=port, taken=datetime.now(UTC).replace(microsecond=0),
         frames=len(values), tare=tuple(tare.tolist()), noise=tuple(noise.tolist()),
         gain=(1.0,) * values.shape[1], stuck=tuple(stuck.tolist()), loaded=tuple(far.tolist()),
     )  # fmt: skip

@@ -102,13 +102,13 @@ class Reliability:
     count: int
 
 
-def reliability(trials: Trials, bins: int = 10) -> list[Reliability]:
+def reliability(trials: Trials) -> list[Reliability]:
     """Compare the probability of the estimated letter with how often it is right (Murphy and Winkler 1977).
 
-    All readings of all trials are put into bins of equal width; empty ones are left out.
+    All readings of all trials are put into ten bins of equal width; empty ones are left out.
     """
     stated, right = trials.p_label[trials.taken], trials.right[trials.taken]
-    place = np.minimum((stated * bins).astype(np.intp), bins - 1)
+    place = np.minimum((stated * 10).astype(np.intp), 9)
     return [
         Reliability(float(stated[mine].mean()), float(right[mine].mean()), int(mine.sum()))
         for mine in (place == number for number in np.unique(place))

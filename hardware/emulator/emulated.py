@@ -44,18 +44,16 @@ _BEHIND = 1.0  # s: older frames are dropped while the host does not read
 
 
 class Emulated(ABC):
-    """The emulated end of one link of a device. Times are s since the emulation began.
+    """The emulated end of a device on one port. Times are s since the emulation began.
 
     device: the description that a host would use. pressures(now): (taxels,) kPa on the pad. rate: frames a
-    second. link: which of the device's links, from 0.
+    second.
     """
 
-    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
+    def __init__(self, device: Device, pressures: Pressures, rate: float) -> None:
         self._device, self._pressures, self.rate = device, pressures, rate
         self._codec: Codec[Any] = device.build_codec()
-        self._parts = [
-            (device.place(part)[1], device.wiring(part)) for part in device.part if part.port == link
-        ]
+        self._parts = [(device.place(part)[1], device.wiring(part)) for part in device.part]
 
     @abstractmethod
     def hear(self, data: bytes, now: float) -> None:
@@ -84,10 +82,8 @@ class EmulatedFrames(Emulated):
     too late, and its clock says so.
     """
 
-    def __init__(
-        self, device: Device, pressures: Pressures, rate: float, link: int = 0, jitter: float = 0.0
-    ) -> None:
-        super().__init__(device, pressures, rate, link)
+    def __init__(self, device: Device, pressures: Pressures, rate: float, jitter: float = 0.0) -> None:
+        super().__init__(device, pressures, rate)
         self._jitter, self._rng = jitter, np.random.default_rng(0)
         self._frame = 0  # number of the next frame
         self._heard = b""
@@ -149,8 +145,8 @@ class EmulatedSingleTact(Emulated):
 
     _codec: SingleTactCodec
 
-    def __init__(self, device: Device, pressures: Pressures, rate: float, link: int = 0) -> None:
-        super().__init__(device, pressures, rate, link)
+    def __init__(self, device: Device, pressures: Pressures, rate: float) -> None:
+        super().__init__(device, pressures, rate)
         self.silent: frozenset[int] = frozenset()
         # By sensor: when its rate last changed, the frames until then, and the samples of a frame.
         self._counted = {address: (0.0, 0.0, _SAMPLES[_SHIPPED]) for address, _ in self._parts}
@@ -237,16 +233,14 @@ class EmulatedSingleTact(Emulated):
         return memory.ljust(REGISTERS, b"\0")
 
 
-def emulate(
-    device: Device, pressures: Pressures, rate: float, link: int = 0, jitter: float = 0.0
-) -> Emulated:
-    """Make the emulated end of one link of the device. jitter: see `EmulatedFrames`; SingleTact has none.
+def emulate(device: Device, pressures: Pressures, rate: float, jitter: float = 0.0) -> Emulated:
+    """Make the emulated end of a device on one port. jitter: see `EmulatedFrames`; SingleTact has none.
 
     Raises CodecError if the device has no codec, or one that writes no frames.
     """
     if isinstance(device.codec, SingleTactFormat):
-        return EmulatedSingleTact(device, pressures, rate, link)
-    emulated = EmulatedFrames(device, pressures, rate, link, jitter)
+        return EmulatedSingleTact(device, pressures, rate)
+    emulated = EmulatedFrames(device, pressures, rate, jitter)
     codec = device.build_codec()
     codec.encode(Frame(codec.from_kpa(np.zeros(codec.taxels)), index=0, ticks=0))
     return emulated

@@ -44,9 +44,9 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
     return parse_toml(read_text(path, what), f"{what} {path}")
 
 
-def read_json(path: str | Path, what: str, most: int = LARGE) -> dict[str, Any]:
+def read_json(path: str | Path, what: str) -> dict[str, Any]:
     """Read a file that holds a JSON object. Raises InputError that names `what` and `path`."""
-    return parse_json(read_text(path, what, most), f"{what} {path}")
+    return parse_json(read_text(path, what, LARGE), f"{what} {path}")
 
 
 def parse_toml(content: str | bytes, where: str) -> dict[str, Any]:

@@ -65,20 +65,15 @@ def read_npz(
             raise InputError(f"it is not a whole .npz file: {error}") from error
 
 
-def write_npz(
-    path: str | Path,
-    meta: Mapping[str, Any],
-    arrays: Mapping[str, NDArray[Any]],
-    compression: int = zipfile.ZIP_DEFLATED,
-) -> None:
+def write_npz(path: str | Path, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays and `meta`, a JSON string, as .npz: whole or not at all, and equal ones as equal bytes.
 
-    compression: ZIP_LZMA packs smaller and slower; NumPy reads it too. Raises InputError if `path` cannot be written.
+    Raises InputError if `path` cannot be written.
     """
     content = BytesIO()
     stated = np.array(json.dumps(meta, sort_keys=True))
-    # As np.savez_compressed does, which has one compression: a member has no date, so equal arrays give equal bytes.
-    with zipfile.ZipFile(content, "w", compression) as archive:
+    # As np.savez_compressed does, but that a member has no date: equal arrays give equal bytes.
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in {**arrays, "meta": stated}.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
