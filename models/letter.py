@@ -63,7 +63,7 @@ class Letter:
         if self.relief is not None:
             return self.relief.solid
         if self.rounding:
-            from tactsim.models.rounding import rounded_solid
+            from tactsim.models.parts import rounded_solid
 
             return rounded_solid(self.contours, self.rounding, self.height)
         return self.footprint.extrude(self.height)
@@ -179,7 +179,7 @@ def raised(name: str, footprint: CrossSection, *, height: float = HEIGHT, roundi
     for contour in contours:
         contour.setflags(write=False)
     if rounding:
-        from tactsim.models.rounding import inset
+        from tactsim.models.parts import inset
 
         try:
             inset(contours, rounding)

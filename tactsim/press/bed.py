@@ -72,7 +72,7 @@ def has_relief(letter: Letter, options: PressOptions) -> bool:
 
 
 def _rounded(letter: Letter) -> list[Level]:
-    from tactsim.models.rounding import inset
+    from tactsim.models.parts import inset
 
     radius = letter.rounding
     angle = np.linspace(0, np.pi / 2, ROUNDING_LEVELS + 1)  # from the flat of the face to its side

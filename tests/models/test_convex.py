@@ -9,8 +9,7 @@ from scipy.spatial import ConvexHull
 
 from tactsim import models
 from tactsim.core.errors import InputError
-from tactsim.models.parts import convex_pieces
-from tactsim.models.rounding import CHORD_ERROR, profile
+from tactsim.models.parts import CHORD_ERROR, convex_pieces, profile
 from tactsim.models.shapes import cleaned
 
 
