@@ -50,6 +50,8 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
+# An object is not followed on that moves with less than this probability, and as no letter that has less than the second.
+_AT_REST, _UNLIKELY = 0.04, 1e-4
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
 # Bins of all letters, up to which they grow in number with the reach: of objects of 100 mm, 40 pictures.
@@ -255,7 +257,9 @@ class MapFilter(Estimator):
         self._take_in(values, pose)
         if self._watched:
             self._touches.append((values, pose))
-            if len(self._touches) >= self._next_look and (self.moving is not None or self.stirred):
+            if self.moving is not None and self.moving.probability < _AT_REST:
+                self.moving, self._next_look = None, 2 * len(self._touches)
+            elif len(self._touches) >= self._next_look and (self.moving is not None or self.stirred):
                 self._look()
         if self.open_set is not None:
             self.open_set.keep(values, pose)
@@ -271,20 +275,23 @@ class MapFilter(Estimator):
         """Follow the object, or let it lie, by whether a motion explains the readings.
 
         To follow it is to take all touches in again, with a belief that moves, as if it had been there from the first
-        on. The next look is after as many touches again; there is none if a motion explains next to nothing.
+        on, of the letters that are likely at rest. The next look is after as many touches again; there is none if a
+        motion explains next to nothing.
         """
         self._next_look = 2 * len(self._touches)
         moving = self.moving or self._moving_belief()
         assert moving is not None
         if self.moving is None:
+            said = self.own_estimate().probabilities
+            likely = np.array([said[label] > _UNLIKELY for label in self.labels])
             self.field.reset()
             self._reset(self._stirring)
             self.moving = moving
-            moving.reset(self._stirring)
+            moving.reset(self._stirring, likely)
             for touch in self._touches:
                 self._take_in(*touch)
         left = self.left_along(moving)
-        if not left <= _LEFT:
+        if left > _LEFT or moving.probability < _AT_REST:
             self.moving = None
         if left > _MUCH_LEFT:
             self._next_look = math.inf
@@ -295,10 +302,7 @@ class MapFilter(Estimator):
         return True
 
     def left_along(self, moving: MovingBelief) -> float:
-        """Tell what share of what is not explained at rest is not by a motion either; 0 of a filter that cannot tell.
-
-        It is nan if the object is more probably at rest.
-        """
+        """Tell what share of what is not explained at rest is not by a motion either; 0 of a filter that cannot tell."""
         return 0.0
 
     def estimate(self) -> Estimate:

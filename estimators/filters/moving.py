@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, PoseSamples, probabilities
@@ -49,9 +50,12 @@ class MovingBelief:
     def __init__(self, filter: MapFilter | Synthesis, motion: Motion) -> None:
         self._filter, self._motion = filter, motion
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget the sequence; all randomness until the next reset comes from `rng`."""
-        self._rng = rng
+    def reset(self, rng: np.random.Generator, likely: NDArray[np.bool_] | None = None) -> None:
+        """Forget the sequence; all randomness until the next reset comes from `rng`.
+
+        likely: (letters,) those that may move; None: all.
+        """
+        self._rng, self._likely = rng, likely
         self._clouds: list[Cloud | None] = []
         self._rest = 0.0
         self._past: list[list[Cloud | None]] = []
@@ -96,6 +100,15 @@ class MovingBelief:
         """Give the log-evidence of an object that moves, whichever it is."""
         return float(np.logaddexp.reduce(self._log_evidence))
 
+    @property
+    def probability(self) -> float:
+        """Give the probability that the object moves."""
+        still = self._motion.still
+        if still is None or not self._past:
+            return 1.0
+        odds = np.array([self._rest, self._followed]) + np.log([still, 1 - still])
+        return float(Weights(odds).normalised[1])
+
     def _begin(self) -> None:
         """Take over what the filter holds: nothing has moved yet."""
         self._clouds = self._held(self._filter.own_states(), _BROAD * CENTRES)
@@ -128,11 +141,13 @@ class MovingBelief:
         motion = self._motion
         mass = letter_mass(belief.letter, belief.weights, len(self._filter.labels))
         evidence, clouds = log(mass / mass.sum()), list[Cloud | None]()
+        if self._likely is not None and mass[self._likely].any():
+            mass = mass * self._likely
         for letter in range(len(self._filter.labels)):
-            of_letter = np.flatnonzero(belief.letter == letter)
-            if not len(of_letter) or not mass[letter]:
+            if not mass[letter]:
                 clouds.append(None)
                 continue
+            of_letter = np.flatnonzero(belief.letter == letter)
             chosen = of_letter[Weights(belief.weights.log[of_letter]).systematic(count, self._rng)]
             state = belief.state[:, chosen]
             size = belief.size[:, chosen] if belief.size is not None else np.zeros_like(state)
@@ -176,16 +191,31 @@ class MovingBelief:
     def path(self, estimate: Estimate) -> FloatArray:
         """Give robot_in_object at each touch so far (n, 3), for the letter and the last pose of an estimate.
 
-        From the last pose back, each pose is the centre that explains best its own reading and the step to its
-        successor. All poses are the last one where the object is more probably still.
+        All poses are the last one where the object is more probably still.
         """
-        letter, count = self._filter.labels.index(estimate.label), self._filter.touches
-        poses = np.tile(estimate.robot_in_object, (count, 1))
-        if not self._past or self._drawn[letter] is None:
-            return poses
-        models = self._models()
-        if models[0, letter] > models[1, letter]:
-            return poses
+        letter, last = self._filter.labels.index(estimate.label), estimate.robot_in_object
+        if self._past and self._drawn[letter] is not None:
+            at_rest, moves = self._models()[:, letter]
+            if moves >= at_rest:
+                return self._way(letter, last)
+        return np.tile(last, (self._filter.touches, 1))
+
+    def likeliest_way(self) -> tuple[int, FloatArray]:
+        """Give the likeliest letter, and robot_in_object at each touch so far (n, 3), if the object moves."""
+        letter = int(self._log_evidence.argmax())
+        drawn = self._drawn[letter]
+        assert drawn is not None
+        state, _, mode = drawn.heavy()
+        return letter, self._way(letter, state[:, mode])
+
+    def _way(self, letter: int, last: FloatArray) -> FloatArray:
+        """Find robot_in_object at each touch so far (n, 3), for the last one (3,).
+
+        From the last pose back, each pose is the centre that explains best its own reading and the step to its
+        successor.
+        """
+        count = self._filter.touches
+        poses = np.tile(last, (count, 1))
         motion, later = self._motion, self._motion.placed(poses[-1:].T)[0]
         for touch, past in zip(range(count - 2, -1, -1), reversed(self._past), strict=False):
             cloud = past[letter]
@@ -232,17 +262,12 @@ class MovingBelief:
         counts for less in the belief of an object at rest than single readings do.
         """
         moving = Weights(self._log_evidence)
-        still = self._motion.still
-        if still is None:
+        if self._motion.still is None:
             return np.stack([np.zeros(len(self._filter.labels)), moving.normalised])
         at_rest = (known or self._filter.own_estimate()).probabilities
-        models = Weights(np.array([self._rest, self._followed]) + np.log([still, 1 - still])).normalised
-        return np.stack(
-            [
-                models[0] * np.array([at_rest[label] for label in self._filter.labels]),
-                models[1] * moving.normalised,
-            ]
-        )
+        moves = self.probability
+        said = np.array([at_rest[label] for label in self._filter.labels])
+        return np.stack([(1 - moves) * said, moves * moving.normalised])
 
 
 def _mixed(parts: list[tuple[float, PoseSamples | None]]) -> PoseSamples | None:

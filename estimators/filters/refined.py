@@ -46,8 +46,9 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
-# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty.
-_STIRRED = 1.3
+# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty. Up to so many
+# readings tell it by themselves, as one place often explains few of them well though the object moved.
+_STIRRED, _SOON = 1.3, 8
 # Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
 _MANY_BINS, _BEST_BINS = 1_000_000, 100_000
 
@@ -180,10 +181,12 @@ class RefinedFilter(GridFilter):
     def stirred(self) -> bool:
         """Tell whether the readings disagree with an object at rest.
 
-        They are explained worse than left-out training readings are, and disagree about the place by more than those.
+        They disagree about the place by more than left-out training readings do, and are explained worse than those,
+        unless they are few; two say too little.
         """
         count = len(self.field)
-        return self._unexplained > 0 and self.trust(count) > _STIRRED * self._weight
+        told = self._unexplained > 0 or 2 < count <= _SOON
+        return told and self.trust(count) > _STIRRED * self._weight
 
     def left_along(self, moving: MovingBelief) -> float:
         """Tell what share of what is not explained at rest is not along the path of a belief that moves either.
@@ -193,10 +196,7 @@ class RefinedFilter(GridFilter):
         """
         if not self._unexplained:
             return 0.0
-        estimate = moving.estimate()
-        letter, poses = self.labels.index(estimate.label), moving.path(estimate)
-        if (poses == poses[-1]).all():
-            return math.nan
+        letter, poses = moving.likeliest_way()
         each = [self.field.log_p(letter, poses[k, :, None], k, k + 1).item() for k in range(len(poses))]
         left = self.trust.misfit.unexplained(len(poses), self.field.bound() - sum(each))
         return left / self._unexplained
