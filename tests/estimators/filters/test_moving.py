@@ -267,6 +267,36 @@ def test_an_object_at_rest_is_seldom_seen_to_move(small):
     assert seen.moving is None
 
 
+def test_an_object_that_lies_still_after_all_is_followed_no_further(small):
+    """A touch that is 6 mm off has a motion looked for, and those after it tell that it was none."""
+    readings, poses, _ = sequence(small, "E", 12)
+    poses[4, :2] += 6
+    off, seen = (fitted("refined", small, bins=1000, cell=0.8, motion=motion) for motion in ("off", "seen"))
+    for estimator in (off, seen):
+        estimator.reset(np.random.default_rng(0))
+    followed = []
+    for reading, pose in zip(readings, poses, strict=True):
+        for estimator in (off, seen):
+            estimator.update(reading, pose)
+        followed.append(seen.moving is not None)
+        if not followed[-1]:
+            assert seen.estimate().robot_in_object.tobytes() == off.estimate().robot_in_object.tobytes()
+    assert any(followed)
+    assert not followed[-1]
+
+
+def test_few_readings_that_disagree_tell_of_a_move_however_well_they_are_explained(two):
+    readings, poses, _ = sequence(two, "E", 12)
+    estimator = fitted("refined", two, bins=1000)
+    estimator.reset(np.random.default_rng(0))
+    said = []
+    for count, (reading, pose) in enumerate(zip(readings, poses, strict=True), 1):
+        estimator.update(reading, pose)
+        estimator._weight, estimator._unexplained = estimator.trust(count) / 1.5, 0.0
+        said.append(estimator.stirred)
+    assert said == [False] * 2 + [True] * 6 + [False] * 4
+
+
 def test_readings_that_nothing_explains_are_no_motion(small):
     """A pad that is mirrored since it was trained disagrees about the place from touch to touch."""
     readings, poses, _ = sequence(small, "L", 14)
