@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
 from tactsim.bench.config import RECORDING
-from tactsim.core import InputError, Scan, compose, invert, transform, wrap_angle
+from tactsim.core import InputError, Scan, compose, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 from tactsim.core.errors import short
@@ -314,17 +314,3 @@ def normalised_error(samples: PoseSamples, near: FloatArray, true: FloatArray, o
     if not squares[-1] > _ROUNDING:
         return np.nan
     return min(float(np.mean(((lever * away) @ axes[:, known]) ** 2 / squares[known])), LARGEST)
-
-
-def covariance(samples: PoseSamples, estimated: ArrayLike, of: Properties) -> tuple[FloatArray, FloatArray]:
-    """Compute mean and covariance of the object's placement, about the estimated pose T_R^O (3,).
-
-    Returns the mean (3,) and the covariance (3, 3) of [x, y, turn]: the centre of mass in the robot's frame, mm, and
-    the turn from the estimated angle, rad, folded by the letter's symmetry; of a disc all turns are 0.
-    """
-    placed, centre = invert(samples.poses), np.array([of.centre])
-    turn = fold_angle(placed[:, 2] - invert(np.asarray(estimated, dtype=float))[2], of.symmetry)
-    place = np.column_stack([transform(placed, centre)[:, 0, :], turn])
-    weights = samples.weights / samples.weights.sum()
-    mean = weights @ place
-    return mean, (place - mean).T @ ((place - mean) * weights[:, None])

@@ -15,12 +15,12 @@ from tactsim import models
 from tactsim.bench.config import OF_SOURCE, RunConfig
 from tactsim.bench.experiment import gather, silent
 from tactsim.bench.kinds import load
-from tactsim.bench.placement import Properties, covariance
+from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import errors, settled_at
 from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, Trials, check_readings, run_trial
-from tactsim.core import Scan, compose, invert
+from tactsim.core import Scan, compose, invert, transform
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -243,9 +243,10 @@ def regions(estimates: Sequence[Estimate], true_pose: FloatArray, of: Properties
     for estimate, true in zip(estimates, true_pose, strict=True):
         if estimate.samples is None:
             return None
-        mean, spread = covariance(estimate.samples, estimate.robot_in_object, of)
-        x, y, _ = compose(true, [*mean[:2], 0.0])
-        squares, axes = np.linalg.eigh(spread[:2, :2])
+        placed, weights = invert(estimate.samples.poses), estimate.samples.weights
+        centre = transform(placed, np.array([of.centre]))[:, 0]
+        x, y, _ = compose(true, [*np.average(centre, axis=0, weights=weights), 0.0])
+        squares, axes = np.linalg.eigh(np.cov(centre.T, aweights=weights, ddof=0))
         half = _TWO_DIMENSIONS_90 * np.sqrt(np.maximum(squares[::-1], 0))
         found.append([x, y, *half, true[2] + np.arctan2(axes[1, 1], axes[0, 1])])
     return np.array(found)
