@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
-# An object is not followed on that moves with less than this probability, and as no letter that has less than the second.
+# An object is followed on while it moves with this probability, and as letters that are more probable than the second.
 _AT_REST, _UNLIKELY = 0.04, 1e-4
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
 _OF_A_BIN, _OF_A_PARTICLE = 64, 200
@@ -302,7 +302,7 @@ class MapFilter(Estimator):
         return True
 
     def left_along(self, moving: MovingBelief) -> float:
-        """Tell what share of what is not explained at rest is not by a motion either; 0 of a filter that cannot tell."""
+        """Tell what share of what is unexplained at rest is so by a motion, too; 0 of a filter that cannot tell."""
         return 0.0
 
     def estimate(self) -> Estimate:

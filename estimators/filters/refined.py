@@ -46,8 +46,8 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
-# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty. Up to so many
-# readings tell it by themselves, as one place often explains few of them well though the object moved.
+# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty. Up to so
+# many readings tell it by themselves, as one place often explains few of them well though the object moved.
 _STIRRED, _SOON = 1.3, 8
 # Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
 _MANY_BINS, _BEST_BINS = 1_000_000, 100_000
