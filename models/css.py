@@ -46,6 +46,10 @@ _NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-sc
 _OF_PLACES = ("translate", "rotate", "skew")  # transforms of lengths and angles
 ELSEWHERE = "it takes a style sheet from elsewhere"
 _CONDITIONS = ("media", "supports", "layer", "container", "scope")
+# Paints that browsers know, and this reader does not.
+_UNREAD_PAINT = re.compile(
+    r"(color-mix|light-dark|contrast-color)\(.*|[\w-]+\(\s*from\s.*|(canvas|field|highlight|mark|button\w+|accent\w+)"
+)
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
 _MOST_VARIABLES = 8  # that stand for one another
 
@@ -171,6 +175,15 @@ def _selected(rules: list[Any], namespaces: dict[str | None, str], around: str =
         if rule.type == "at-rule" and rule.lower_at_keyword in _CONDITIONS and rule.content is not None:
             inner = _selected(tinycss2.parse_rule_list(rule.content, True, True), namespaces, around)
             yield from _if_shown(rule.lower_at_keyword, tinycss2.serialize(rule.prelude), inner)
+        elif rule.type == "at-rule" and rule.content is not None:
+            named = re.findall(r"([\w-]+)\s*:", tinycss2.serialize(rule.content).lower())
+            if rule.lower_at_keyword.endswith(("keyframes", "property")) and {*named} & {
+                *_PROPERTIES,
+                "initial-value",
+            }:
+                raise InputError(
+                    f"its style sheet has @{rule.lower_at_keyword}, which is not read: take that rule out"
+                )
         elif rule.type == "qualified-rule":
             text = tinycss2.serialize(rule.prelude)
             if around:
@@ -198,6 +211,8 @@ def _if_shown(keyword: str, condition: str, selected: Iterator[_Selected]) -> It
 def _rules(content: list[Any], in_sheet: bool = True) -> Iterator[tuple[str, str, bool]]:
     """Give the declarations that an outline depends on: name, value and whether it is important."""
     for part in content:
+        if part.type == "declaration" and part.lower_name == "all":
+            raise InputError("its style declares all properties at once (all), which is not read: say which")
         if part.type == "declaration" and (part.lower_name in _PROPERTIES or part.name.startswith("--")):
             name = part.name if part.name.startswith("--") else part.lower_name
             value = tinycss2.serialize(part.value).strip()
@@ -242,4 +257,6 @@ def _is_valid(name: str, value: str) -> bool:
     """Tell whether a property's value counts: nothing, and a paint that is not valid, do not."""
     words = ("none", "inherit", "initial", "unset", "context-fill", "context-stroke")
     paint = name not in ("fill", "stroke") or value.lower() in words
+    if not paint and _UNREAD_PAINT.fullmatch(value.lower()):
+        raise InputError(f"its {name} is {short(value)}, which is not read: write it as #rrggbb")
     return bool(value) and (paint or url_in(value)[0] is not None or parse_color(value) is not None)

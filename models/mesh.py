@@ -374,10 +374,11 @@ def _binary_stl_faces(content: bytes) -> int | None:
     """Count the facets that a binary STL claims and holds; None for a text, or a file cut short.
 
     A text has characters where the number stands: as a number they claim gigabytes, whatever the header says. A writer
-    that streams leaves 0 there: then the file's length tells.
+    that streams leaves 0 or -1 there, or the number of a part: then the file's length tells.
     """
     faces = int.from_bytes(content[80:84], "little")
-    faces = faces or max(len(content) - 84, 0) // 50
+    held, rest = divmod(max(len(content) - 84, 0), 50)
+    faces = held if faces in (0, 2**32 - 1) or (faces < held and not rest) else faces
     return faces if len(content) >= 84 + 50 * faces else None
 
 

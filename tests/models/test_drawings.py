@@ -453,6 +453,23 @@ def test_all_of_a_sheet_counts_as_browsers_read_it(tmp_path, body, area):
         ("<!-- --><?xml-stylesheet href='a.css'?>", OVER, r"from elsewhere, <\?xml-stylesheet>"),
         ("", f"<style>@namespace 'http://www.w3.org/1999/xhtml'; .f{{fill:none}}</style>{OVER}", "not SVG's"),
         ("", f"<rect style='width:calc(5px + 5px)' {RECT}/>", r"its width is 'calc\(5px"),
+        (
+            "",
+            f"<style>@property --x{{syntax:'*';inherits:false;initial-value:none}}.f{{fill:var(--x)}}</style>{OVER}",
+            "@p",
+        ),
+        (
+            "",
+            f"<style>@keyframes k{{0%,to{{fill:none}}}}.f{{animation:k 9s}}</style>{OVER}",
+            "has @keyframes, which",
+        ),
+        ("", f"<style>.f{{all:unset}}</style>{OVER}", "declares all properties at once"),
+        (
+            "",
+            f"<style>.f{{fill:color-mix(in srgb,transparent 100%,red)}}</style>{OVER}",
+            "its fill is 'color-mix",
+        ),
+        ("", f"<rect class='f' fill='Canvas' {RECT}/>{L}", "its fill is 'Canvas', which is not read"),
     ],
 )
 def test_a_sheet_that_is_not_there_is_refused(before, body, reason):

@@ -279,11 +279,12 @@ def test_facets_of_a_text_stl_may_have_four_corners(tmp_path):
     assert "not watertight" in refusal(path)
 
 
-def test_a_binary_stl_whose_writer_left_its_count_at_0_has_the_facets_that_it_holds(tmp_path):
+@pytest.mark.parametrize("count", [0, 11, -1])
+def test_a_binary_stl_whose_writer_left_its_count_has_the_facets_that_it_holds(tmp_path, count):
     path = tmp_path / "thing.stl"
     whole = box(20, 10, 3).export(file_type="stl")
-    for behind in (b"", b"and a few words"):
-        path.write_bytes(whole[:80] + bytes(4) + whole[84:] + behind)
+    for behind in (b"", b"and a few words") if count != 11 else (b"",):
+        path.write_bytes(whole[:80] + struct.pack("<i", count) + whole[84:] + behind)
         assert models.shape(path).area == pytest.approx(200)
     path.write_bytes(bytes(84))
     assert "there is no face in it" in refusal(path)
