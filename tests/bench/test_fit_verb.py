@@ -91,6 +91,7 @@ def test_a_scan_that_does_not_say_how_it_was_pressed_is_refused_in_one_line(scan
         tactsim.run(bare, estimator="synthesis", trials=1, readings=2)
 
 
+@pytest.mark.long
 def test_a_world_without_noise_is_recognised_too():
     run = tactsim.run(letters="AEIOU", world="ideal", estimator="synthesis", trials=2, readings=6)
     assert run.accuracy[-1] == 1

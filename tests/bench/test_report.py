@@ -520,6 +520,7 @@ def test_names_cannot_end_the_data(hostile_run, tmp_path):
     assert "<script>" in run["letters"][0]
 
 
+@pytest.mark.long
 def test_counts_of_very_many_trials_are_shown_as_they_are():
     run = make_run(n=1, r=1)
     arrays = {field.name: getattr(run.trials, field.name) for field in fields(run.trials)}

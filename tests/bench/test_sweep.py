@@ -105,6 +105,7 @@ def test_a_method_of_ones_own_is_asked_the_same_as_those_of_a_sweep(here, tmp_pa
     refused(here("sweep", "two.toml", "--also", "nearst"), "did you mean 'nearest'")
 
 
+@pytest.mark.long
 def test_every_suite_can_be_read():
     assert {"quick", "paper"} <= set(sweep.suites())
     for suite in sweep.suites():

@@ -99,6 +99,7 @@ def ask(tmp_path, asked):
     return run
 
 
+@pytest.mark.long
 def test_a_caller_is_compiled_again_when_what_it_calls_in_another_file_changes(ask):
     assert ask() == (21, False)
     assert "kept for later runs" in ask.said

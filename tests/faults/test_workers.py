@@ -79,17 +79,6 @@ def test_an_exception_in_the_block_ends_work_that_would_last():
     assert all(future.done() for future in futures)
 
 
-def test_an_error_of_a_task_comes_back_with_its_place_and_the_worker_lives_on():
-    with worker_processes(1) as pool:
-        error = pool.submit(refuse, 3).exception(timeout=60)
-        assert isinstance(error, InputError)
-        assert str(error) == "3 is wrong"
-        assert "in refuse" in error.__notes__[0]
-        with pytest.raises(AttributeError, match="local"):
-            pool.submit(lambda: None).result(timeout=60)
-        assert list(pool.map(abs, [-1, 2])) == [1, 2]
-
-
 class Locked(Exception):
     """It cannot be pickled."""
 
@@ -106,14 +95,20 @@ def raise_interrupt():
     raise KeyboardInterrupt
 
 
-def test_an_error_that_cannot_be_sent_comes_back_in_words_with_its_place():
+def test_an_error_of_a_task_comes_back_with_its_place_or_in_words_and_the_worker_lives_on():
     with worker_processes(1) as pool:
+        error = pool.submit(refuse, 3).exception(timeout=60)
+        assert isinstance(error, InputError)
+        assert str(error) == "3 is wrong"
+        assert "in refuse" in error.__notes__[0]
+        with pytest.raises(AttributeError, match="local"):
+            pool.submit(lambda: None).result(timeout=60)
         for task, said in ((raise_locked, "a lock"), (raise_interrupt, "KeyboardInterrupt")):
             error = pool.submit(task).exception(timeout=60)
             assert isinstance(error, RuntimeError)
             assert said in str(error)
             assert f"in {task.__name__}" in error.__notes__[0]
-        assert pool.submit(abs, -1).result(timeout=60) == 1
+        assert list(pool.map(abs, [-1, 2])) == [1, 2]
 
 
 def test_batches_hold_every_task_once_in_its_order_and_never_differ_by_more_than_one():

@@ -47,7 +47,7 @@ def says(device, part, moment, first=0):
 wirings = st.sampled_from([[0, 0], [0, 1], [1, 0, 0], [0, 1, 2], [0, 0, 0]])
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(wirings, st.integers(0, 65535), st.integers(0, 60), st.randoms(use_true_random=False))
 def test_by_the_counter_no_loss_joins_two_moments(ports, first, losses, random):
     """Frames of every part are lost, links lag behind each other, come in lumps and are lost themselves."""
@@ -87,7 +87,7 @@ def every_frame_is_accounted_for(stream, readings):
     return sum(stream.heard.values()) == len(stream.heard) * len(readings) + stream.counters.unpaired
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(wirings, st.integers(0, 60), st.randoms(use_true_random=False))
 def test_by_a_stated_time_no_loss_joins_two_moments(ports, losses, random):
     """There is no counter. Each frame comes some time after its moment, and a stalled reader finds several at once."""

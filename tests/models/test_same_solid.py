@@ -166,7 +166,7 @@ def check_same(content, kind, expected):
     assert solid.project().area() == pytest.approx(expected.project().area(), rel=WITHIN)
 
 
-QUICK = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 @QUICK

@@ -51,6 +51,7 @@ def smoke(environment, folder):
     run(commands / "bench", "report", "out", "--out", "out.html", cwd=folder, **own_cache)
 
 
+@pytest.mark.long
 def test_a_wheel_holds_the_whole_package_and_nothing_else(wheel):
     assert files_of(wheel) == files_of_checkout()
 
@@ -83,6 +84,7 @@ def test_a_clone_is_imported_from_the_folder_that_it_lies_in(tmp_path, install):
     run(environment / "bin" / "python", "-c", "import tactsim; tactsim.scan", cwd=tmp_path, PYTHONPATH="")
 
 
+@pytest.mark.long
 def test_links_that_an_archive_lost_are_made_again(checkout, wheel, tmp_path):
     for room in ROOMS:
         link = checkout / "tactsim" / room

@@ -251,6 +251,7 @@ def test_a_mistake_is_said_before_the_work(here, folder, plugged):
     assert not Path("a.tar.xz").exists()
 
 
+@pytest.mark.long
 def test_an_honest_bundle_is_refused_as_rarely_as_is_said(bundle_of):
     runs = read_bundle(bundle_of("guess", "--set", "spread=2", "--title", "Guesses")).runs
     rng = np.random.default_rng(0)

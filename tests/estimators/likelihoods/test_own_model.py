@@ -81,6 +81,7 @@ def trust_of(kind, scan):
     return learn_trust(model, scan)
 
 
+@pytest.mark.long
 def test_a_model_of_ones_own_is_trusted_as_far_as_left_out_readings_tell():
     scan = make_scan("EL", poses=paper_poses(5, 8))
     known, plain, forgetting = (trust_of(kind, scan) for kind in (CalibratedLikelihood, Plain, Forgetting))
