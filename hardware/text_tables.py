@@ -28,6 +28,11 @@ _DECIMAL_POINT = re.compile(r"[-+]?[\d,]*\.[\d.,]*(e[-+]?\d+)?", re.IGNORECASE)
 _BY_CHANCE = 20  # numbers; of so many with up to three decimals one in ten ends earlier
 _NO_NUMBERS = re.compile(r"\W*([A-Za-z_]|$)|\s*#")  # of a line above them
 _UNIT_BEHIND = re.compile(r"[\[(] *([kMh]?Pa|psi|m?bar|mmHg|m?N|m?V|N/[cm]?m(?:²|\^?2)) *[\])]$")
+# What stands before a frame and is none of it: a time of day, perhaps behind a date; and `t3` or `frame_3`, for 3.
+_TIME_AHEAD = re.compile(
+    r"^[\s\"']*(\d{1,4}[-./]\d\d?[-./]\d{1,4}[T ])?\d\d?:\d\d:\d\d([.:]\d+|,\d+(?=[;\s]))?Z?[\"']*(?=[;,\s])"
+)
+_NUMBERED = re.compile(r"[A-Za-z_]+(\d+)")
 # Names of columns where a row is a taxel's.
 _OF_A_TAXEL = {"row", "col", "column", "taxel", "sensor", "channel", "value"}
 
@@ -228,11 +233,13 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
 
 def _cells(line: str) -> list[str]:
     """Split a line at commas, semicolons, tabs or blanks; at commas not if they may be decimal beside another mark."""
+    line = _TIME_AHEAD.sub("", re.sub(r"[\[\]]", " ", line))  # lists have brackets
     words = [word.strip("\"'") for word in re.split(r"[;\t ]+", line.strip(",;\t \r")) if word]
     marked = [word for word in words if "," in word]
     if marked and len(words) > 1 and all(map(_OF_A_NUMBER.fullmatch, marked)):
         return words
-    return [part.strip("\"'") for word in words for part in word.split(",") if part]
+    cells = [part.strip("\"'") for word in words for part in word.split(",") if part]
+    return [_NUMBERED.sub(r"\1", cells[0]), *cells[1:]] if len(cells) > 1 else cells
 
 
 def _numbers(cells: list[str], thousands: str, commas: bool) -> list[float] | None:

@@ -30,8 +30,8 @@ from tactsim.hardware.text_tables import frames_of_text
 # Of a press's range of total load: frames above it are its plateau.
 _LOADED = 0.9
 _MOST = 0.9  # of the presses, of which all read less under load if these do
-# What tells the presses of one object apart, at the end of their names: `poke05`, `Rotate_1_2_d100`.
-_NUMBER = re.compile(r"([\W_]+[A-Za-z]?\d+|\d+)+$")
+# What tells the presses of one object apart, at the end of their names: `poke05`, `Rotate_1_2_d100`, `poke (5)`.
+_NUMBER = re.compile(r"([\W_]+[A-Za-z]?\d+|\d+)+\W*$")
 _DIGITS = re.compile(r"(\d+)")
 
 
@@ -74,6 +74,11 @@ def read_press_folder(
             labels.append(path.parent.name if by == "folder" else _NUMBER.sub("", name) or name)
             split.append("test" if any(fnmatch(places[path], pattern) for pattern in test) else "train")
     check_labels(labels)
+    if len({*labels}) == len(labels) > 1:
+        said = (
+            "each of %d objects has one press: %s, %s ...; --labels folder or name, whichever is the object's"
+        )
+        logging.getLogger(__name__).warning(said, len(labels), *labels[:2])
     presses = _whole_frames(presses)
     if falls := sum(map(_falls, presses)) > _MOST * len(presses):
         logging.getLogger(__name__).warning(

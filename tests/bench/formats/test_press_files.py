@@ -31,6 +31,10 @@ TEXTS = {
     "a title, and a comma behind": "".join(f"t{k}," for k in range(24)) + "\n" + lines(FRAMES).replace("\n", ",\n"),
     "four lines a frame": several_lines("-10000\n"),
     "four lines a frame, nothing between": lines(FRAMES.reshape(-1, 6)),
+    "a time of day before": "".join(f"2026-11-28 12:00:0{at}.5," + lines([row]) for at, row in enumerate(FRAMES)),
+    "as NumPy prints pictures": "".join(f"{frame.reshape(4, 6)}\n" for frame in FRAMES),
+    "nested lists": "".join(f"{frame.reshape(4, 6).tolist()}\n" for frame in FRAMES),
+    "a line a taxel, named": "taxel,f0\n" + "".join(f"t{at}," + lines([row]) for at, row in enumerate(FRAMES.T)),
     "a line a taxel": "node_id," + ",".join(f"frame{k}" for k in range(7)) + "\n"
     + lines(np.column_stack([np.arange(24), FRAMES.T])),
 }  # fmt: skip
