@@ -80,7 +80,7 @@ def run(
     scan: Scan | str | Path | None = None,
     *,
     train_scan: Scan | str | Path | None = None,
-    estimator: str | Estimator = "stacked",
+    estimator: str | Estimator | None = None,
     jobs: int = 1,
     cache: bool = True,
     progress: bool = False,
@@ -90,10 +90,10 @@ def run(
 
     scan: a Scan, or the file that holds one; without it letters are pressed. train_scan: the same, to train on instead
     of the scan's own training readings; a Scan only if `scan` is a Scan, too. estimator: a registered name, or
-    an `Estimator` of your own, made with its options. words: the options of `bench run` with underscores: bins,
-    particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, presses, and, if no scan is
-    given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's own; with
-    task="solids" the options for objects in space: objects, touches and hand.
+    an `Estimator` of your own, made with its options; None: that of `bench run`. words: the options of `bench run` with
+    underscores: bins, particles, set (a table), letters, hold_out, trials, readings, explore, slip, seed, presses, and,
+    if no scan is given, shapes, test_poses, world, noise and scan_set; or a task, which says all but the estimator's
+    own; with task="solids" the options for objects in space: objects, touches and hand.
     jobs: processes; the trials do not depend on their number. With more than one a script calls this under
     `if __name__ == "__main__":`, since worker processes import it. cache: whether readings may be read from the cache
     and kept there. progress: show bars.
@@ -104,7 +104,7 @@ def run(
     sent to worker processes.
     """
     _check_jobs(jobs)
-    if not isinstance(estimator, str | Estimator):
+    if not isinstance(estimator, str | Estimator | None):
         raise InputError(
             f"estimator is {short(estimator)}; give a registered name or an Estimator, made with its options"
         )
@@ -131,12 +131,13 @@ def run(
         words["given"] = given.digest
     elif scan is not None:
         words["scan"] = scan
+    own = estimator if isinstance(estimator, Estimator) else None
     if isinstance(estimator, str):
         words["estimator"] = estimator
-    elif not estimator.proposes and (asked := words.get("task")) not in (None, *kinds.names()):
+    elif own is not None and not own.proposes and (asked := words.get("task")) not in (None, *kinds.names()):
         # As a task does for an estimator that is named.
         words |= {"explore": "blind", **words} if task(str(asked)).chosen else {}
-    config, own = any_config(**words), None if isinstance(estimator, str) else estimator
+    config = any_config(**words)
     with _reporting(progress) as report:
         return perform(config, scan=given, estimator=own, jobs=jobs, cache=cache, progress=report)
 

@@ -198,6 +198,12 @@ def test_the_face_takes_what_the_command_line_takes():
     assert scan_options(letters=np.array(["A", "E"])).letters == ("A", "E")
 
 
+def test_an_estimator_that_nobody_names_is_the_one_of_the_task(monkeypatch):
+    monkeypatch.setattr("tactsim.bench.api.perform", lambda config, **how: config)
+    assert tactsim.run().estimator == "stacked"
+    assert tactsim.run(task="solids").estimator == "space-refined"
+
+
 def test_a_run_on_given_readings_is_not_done_again_on_others(run):
     with pytest.raises(InputError, match="give the same again"):
         tactsim.run(**run.config)
