@@ -526,6 +526,8 @@ def load(path: str | Path) -> Run:
     folder = Path(path)
     if not (folder / "run.json").is_file():
         why = "it has no run.json" if folder.is_dir() else "there is no such folder"
+        if (folder / "sweep.json").is_file():
+            why = f"it is a sweep's, and `bench runs {folder}` lists its runs"
         raise InputError(f"{folder} is not the folder of a run: {why}")
     about = read_json(folder / "run.json", "file of a run")
     kind = kinds.of_task(about.get("task"))

@@ -77,10 +77,11 @@ def _suite(name: str) -> dict[str, Any]:
     return parse_toml((files("tactsim.bench") / "suites" / f"{name}.toml").read_bytes(), f"suite {name}")
 
 
-def suites() -> tuple[str, ...]:
-    """List the named suites that come with the project."""
-    names = (entry.name for entry in (files("tactsim.bench") / "suites").iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+def suites() -> dict[str, str]:
+    """List the named suites that come with the project, with the first line of each file: what it asks."""
+    found = (entry for entry in (files("tactsim.bench") / "suites").iterdir() if entry.name.endswith(".toml"))
+    first = {entry.name[:-5]: entry.read_text("utf-8").partition("\n")[0].lstrip("# ") for entry in found}
+    return dict(sorted(first.items()))
 
 
 def expand(table: Mapping[str, Any], what: str, also: Sequence[str] = ()) -> list[Config]:
@@ -331,6 +332,8 @@ def _claim(folder: Path, names: Sequence[str], configs: Sequence[Config]) -> Non
     """Write down which sweep the folder belongs to, or check that it is this one: one with the same runs."""
     path = folder / "sweep.json"
     if not path.exists():
+        if any(one.name != ".lock" for one in folder.iterdir()):
+            raise InputError(f"--out {folder}: the folder holds something already, and no sweep; name a new one")
         asked = [(name, config.model_dump(mode="json")) for name, config in zip(names, configs, strict=True)]
         runs = [{"name": name, "config": config} for name, config in asked]
         write_text(path, results.to_json({"schema": _SCHEMA, "runs": runs}))

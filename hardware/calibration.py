@@ -39,6 +39,9 @@ class Calibration(BaseModel):
     device: str = Field(max_length=200, description="name in the device file")
     port: str = Field(max_length=1000, description="where the device was read")
     taken: datetime
+    read_by: str = Field(
+        "", max_length=64, description="the digest `Device.read_by` of its codec and wiring; none: not known"
+    )
     frames: int = Field(ge=0, description="frames that the tare is the median of")
     tare: tuple[float, ...] = Field(min_length=1, max_length=40_000, description="kPa of each taxel unloaded")
     noise: tuple[float, ...] = Field(max_length=40_000, description="kPa, sd of each taxel unloaded")
@@ -147,7 +150,7 @@ def take_tare(readings: Sequence[Reading], device: Device, port: str) -> Calibra
         )
     return Calibration(
         device=device.name, port=port, taken=datetime.now(UTC).replace(microsecond=0),
-        frames=len(values), tare=tuple(tare.tolist()), noise=tuple(noise.tolist()),
+        read_by=device.read_by(), frames=len(values), tare=tuple(tare.tolist()), noise=tuple(noise.tolist()),
         gain=(1.0,) * values.shape[1], stuck=tuple(stuck.tolist()), loaded=tuple(far.tolist()),
     )  # fmt: skip
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
@@ -188,6 +190,12 @@ class Device(BaseModel):
                 f"{self.name!r} has no [codec]: its readings come from an installed source, not from a port"
             )
         return self.codec.build()
+
+    def read_by(self) -> str:
+        """Give a digest of what turns values into pressures of taxels: a tare holds for no other."""
+        said = {name: value for name, value in self.as_json().items() if name in ("codec", "matrix", "part")}
+        said |= {"rows": self.pad.rows, "columns": self.pad.columns}
+        return sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
 
     def as_json(self) -> dict[str, Any]:
         """Describe the device as a device file does, for a recording."""

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from tactsim.core.errors import counted
 from tactsim.core.reading import Reading
 from tactsim.core.source import Log, NoReading, Source, SourceError
 from tactsim.hardware.codecs.codec import LARGEST_CHUNK, PATIENCE, CodecError
@@ -56,7 +57,7 @@ class LiveSource(Source):
     ) -> None:
         """Open all ports. Raises SourceError if there are too few or many, or one cannot be opened."""
         if len(urls) != device.ports:
-            raise SourceError(f"{device.name} has {device.ports} ports; {len(urls)} were given")
+            raise SourceError(f"{device.name} has {counted(device.ports, 'port')}; {len(urls)} were given")
         self.device, self.pad, self.taxel_xy = device, device.pad, device.pad.taxel_xy
         self.has_bytes = True
         self._log, self._clock = log, clock

@@ -97,7 +97,8 @@ class Replay(Source):
         first, whole = self._first, self._reader.whole
         state = "finished" if whole.finished else f"unfinished: {whole.fault or 'what wrote it was ended'}"
         lines = [f"{whole.records:,} records, {whole.whole_bytes:,} bytes, {state}"]
-        lines += [f"{first.get('device', {}).get('name')} at {first.get('urls')}, {first.get('started')}"]
+        urls = ", ".join(map(str, first.get("urls", ())))
+        lines += [f"{first.get('device', {}).get('name')} at {urls}, {first.get('started')}"]
         if isinstance(plan := first.get("plan"), dict):
             poses = plan.get("poses")
             lines.append(

@@ -170,7 +170,7 @@ def _metrics() -> list[Row]:
 def _suites() -> list[Row]:
     from tactsim.bench.sweep import count_runs, suites
 
-    return [(suite, f"{count_runs(suite)} runs", "") for suite in suites()]
+    return [(suite, f"{count_runs(suite)} runs", what) for suite, what in suites().items()]
 
 
 def _formats() -> list[Row]:

@@ -142,7 +142,13 @@ def load(name: str, calibration: Path | None = None) -> tuple[Device, Calibratio
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import load_device
 
-    return load_device(name), None if calibration is None else Calibration.load(calibration)
+    device, taken = load_device(name), None if calibration is None else Calibration.load(calibration)
+    if taken is not None and taken.read_by not in ("", device.read_by()):
+        raise InputError(
+            f"{calibration} holds for another device file: [codec], [matrix] or [[part]] of {name} read the pad in "
+            "another way since; take a tare again, by `bench tare`"
+        )
+    return device, taken
 
 
 def played(source: Source, device: Device) -> tuple[Source, Device]:

@@ -60,7 +60,7 @@ def find(name: str) -> Format:
     if name == "mcap":
         raise InputError("the format mcap is gone; take hdf5, one file with every array and its unit")
     if name not in FORMATS:
-        raise unknown("format", name, FORMATS)
+        raise unknown("format", name, [*FORMATS, "csv"])
     return FORMATS[name]
 
 

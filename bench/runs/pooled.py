@@ -249,6 +249,8 @@ def cell(one: Pooled, figure: str) -> str:
     if digits is None:
         return f"{found.value:,.0f}" if found.value >= 1000 else f"{found.value:.3g}"
     value, *ends = in_digits(found, digits)
+    if not ends and found.value > 0 and float(value) == 0:
+        return f"<{10**-digits:.{digits}f}"
     return f"{value} ({'-'.join(ends)})" if ends else value
 
 

@@ -184,8 +184,13 @@ class PadReader:
         return geom @ self.surface.axes, self.model.geom_pos[self.geom] * _MM + geom @ self.surface.origin
 
     def frame(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-        """Return where the pad is in the world: rotation (3, 3) and its middle (3,) m."""
+        """Return where the pad is in the world: rotation (3, 3) and its middle (3,) m.
+
+        Raises InputError before MuJoCo has placed the bodies.
+        """
         geom = data.geom_xmat[self.geom].reshape(3, 3)
+        if not geom.any():
+            raise InputError("nothing is placed yet: call mujoco.mj_forward(model, data), or a step, before")
         return geom @ self.surface.axes, data.geom_xpos[self.geom] + geom @ self.surface.origin / _MM
 
     def _felt(self, data: mujoco.MjData, body: int, contacts: Contacts) -> tuple[FloatArray, FloatArray]:

@@ -75,13 +75,13 @@ def checked(model: type[Model], values: Any, where: str) -> Model:
         result = model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{where}: {_first_fault(error, model)}") from None
-    if (fault := _bool_for_number(values, result)) is not None:
+    if (fault := _another_type(values, result)) is not None:
         raise InputError(f"{where}: {fault}")
     return result
 
 
-def _bool_for_number(given: Any, taken: Any, place: str = "") -> str | None:
-    """Find a true or false that was taken for a number, or a number that was taken for true or false; pydantic does."""
+def _another_type(given: Any, taken: Any, place: str = "") -> str | None:
+    """Find what pydantic took for another type: true or false for a number or the reverse, the text 10.000 for 10."""
     if isinstance(taken, BaseModel) and isinstance(given, dict):
         names = ((name, field.alias or name) for name, field in type(taken).model_fields.items())
         pairs = [(key, given[key], getattr(taken, name)) for name, key in names if key in given]
@@ -94,8 +94,10 @@ def _bool_for_number(given: Any, taken: Any, place: str = "") -> str | None:
             return f"{place}: say true or false, not {given!r}"
         if isinstance(given, bool) and isinstance(taken, int | float) and not isinstance(taken, bool):
             return f"{place}: a number is wanted, not {str(given).lower()}"
+        if isinstance(given, str) and "." in given and type(taken) is int:
+            return f"{place}: give a whole number without a point, got {given!r}"
         return None
-    faults = (_bool_for_number(one, other, f"{place}.{key}".lstrip(".")) for key, one, other in pairs)
+    faults = (_another_type(one, other, f"{place}.{key}".lstrip(".")) for key, one, other in pairs)
     return next((fault for fault in faults if fault is not None), None)
 
 
@@ -115,8 +117,8 @@ def _first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     if fault["type"] == "model_type" and (inner := _below(place, model)):
         return f"{place} is a group of options, got {short(fault['input'])}; give one of {some(inner)}"
     message = plain(fault)
-    if fault["type"] == "value_error" and not place:
-        return message  # of several options together: it names them
+    if fault["type"] == "value_error" and (not place or isinstance(fault["input"], dict)):
+        return f"{place}: {message}".removeprefix(": ")  # of several options together: it names them
     return f"{place or 'options'}: {message}, got {short(fault['input'])}"
 
 

@@ -226,6 +226,8 @@ def test_sites_show_where_the_taxels_lie_and_change_nothing(geom, normal):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     reader = skin.bind(model)
+    with pytest.raises(InputError, match="nothing is placed yet"):
+        reader.frame(mujoco.MjData(model))
     rotation, origin = reader.frame(data)
     places = (data.site_xpos[-pad.taxels - 1 :] - origin) @ rotation * 1e3
     laid = reader.surface.place(places[:-1])

@@ -42,6 +42,12 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
 def test_an_option_that_is_no_list_is_given_once(here):
     refused(here("run", "--letters", "A", "--letters", "E"), "--letters is given twice; give it once")
     refused(here("table", "--to", "csv", "x", "--to", "latex"), "--to is given twice; give it once")
+
+
+def test_a_count_has_no_point(here):
+    """Ten thousand, as half of the world writes it, would be ten."""
+    refused(here("run", "--bins", "10.000"), "--bins: give a whole number without a point, got '10.000'")
+    refused(here("run", "--set", "bins=10.000"), "bins: give a whole number without a point, got '10.000'")
     refused(here("run", "--set", "a=1", "--set", "b=2", "--estimator", "histgram"), "histgram")
 
 

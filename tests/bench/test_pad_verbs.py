@@ -93,6 +93,10 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
         (tmp_path / "cal.toml").read_text().replace("frames = 100", "frames = 99")
     )
     refused(here("replay", "A.tactrec", "--calibration", "other.toml"), "give none")
+    (tmp_path / "wired.toml").write_text(
+        re.sub('read_by = "..', 'read_by = "xx', (tmp_path / "cal.toml").read_text())
+    )
+    refused(here("replay", "A.tactrec", "--calibration", "wired.toml"), "holds for another device file")
     (tmp_path / "copy.tactrec").write_bytes((tmp_path / "A.tactrec").read_bytes())
     for twin in ("A.tactrec", "./A.tactrec", "copy.tactrec"):
         refused(here("replay", "A.tactrec", twin, "--scan", "twice.npz"), "same recording as A.tactrec")

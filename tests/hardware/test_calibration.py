@@ -35,6 +35,7 @@ def test_the_tare_is_the_median_so_outliers_do_not_move_it(rng):
     assert tare.tare == tuple(np.median(values, axis=0))
     assert np.allclose(tare.noise, values.std(axis=0, ddof=1))
     assert (tare.frames, tare.port, tare.device) == (101, "here", "small")
+    assert tare.read_by == small_device().read_by()
 
 
 def test_a_tare_takes_at_least_40_frames(rng):

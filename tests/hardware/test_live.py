@@ -239,5 +239,5 @@ def test_the_accumulator_of_the_device_file_makes_torn_frames_whole():
 
 
 def test_the_number_of_ports_must_fit(paper_pad):
-    with pytest.raises(SourceError, match="has 1 ports; 2 were given"):
+    with pytest.raises(SourceError, match="has 1 port; 2 were given"):
         LiveSource(["a", "b"], paper_pad)

@@ -54,6 +54,7 @@ function within([value, low, high], digits) {
   if (digits === null) return [plain(value)];
   const known = typeof low === "number" && typeof high === "number";
   while (known && low < high && digits && digits < 6 && fixed(low, digits) === fixed(high, digits)) digits++;
+  if (!known && value > 0 && value < 0.5 * 10 ** -digits) return [`<${fixed(10 ** -digits, digits)}`];
   return [fixed(value, digits), known && (digits || low < high) && h("small", {}, `${fixed(low, digits)}–${fixed(high, digits)}`)];
 }
 
