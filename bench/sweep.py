@@ -333,7 +333,9 @@ def _claim(folder: Path, names: Sequence[str], configs: Sequence[Config]) -> Non
     path = folder / "sweep.json"
     if not path.exists():
         if any(one.name != ".lock" for one in folder.iterdir()):
-            raise InputError(f"--out {folder}: the folder holds something already, and no sweep; name a new one")
+            raise InputError(
+                f"--out {folder}: the folder holds something already, and no sweep; name a new one"
+            )
         asked = [(name, config.model_dump(mode="json")) for name, config in zip(names, configs, strict=True)]
         runs = [{"name": name, "config": config} for name, config in asked]
         write_text(path, results.to_json({"schema": _SCHEMA, "runs": runs}))

@@ -160,7 +160,9 @@ def test_a_sweep_does_not_go_on_beside_runs_of_another_source(tmp_path, whole):
 def test_a_folder_that_holds_something_else_takes_no_sweep(here, tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.json").write_text("{}")
-    refused(here("sweep", "quick", "--out", "run"), "--out run: the folder holds something already, and no sweep")
+    refused(
+        here("sweep", "quick", "--out", "run"), "--out run: the folder holds something already, and no sweep"
+    )
     assert {path.name for path in (tmp_path / "run").iterdir()} <= {"run.json", ".lock"}
 
 
