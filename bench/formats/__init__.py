@@ -70,6 +70,8 @@ def guess(path: str | Path) -> Format:
     for one in FORMATS.values():
         if place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes):
             return one
+    if place.suffix == ".tactrec":
+        raise InputError(f"{path} is a recording; `bench replay {path} --scan FILE` makes a scan of it")
     known = [suffix for one in FORMATS.values() for suffix in one.suffixes]
     raise InputError(
         f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "

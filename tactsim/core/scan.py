@@ -383,7 +383,9 @@ class Scan:
                 raise InputError(
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None
-            raise InputError(f"scan {path}: {error}; make one with {cls._MADE_BY}") from error
+            recording = str(path).endswith(".tactrec")
+            made_by = f"`bench replay {path} --scan FILE`" if recording else cls._MADE_BY
+            raise InputError(f"scan {path}: {error}; make one with {made_by}") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
