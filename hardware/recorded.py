@@ -209,7 +209,7 @@ class CsvReplay(Source):
             if isinstance(device.codec, LinesFormat):
                 self._readings = self._of_lines(device.codec)
             elif isinstance(device.codec, CsvFormat):
-                names, frames, self._remark = read_table(self._texts)
+                names, frames, self._remark = read_table(self._texts, device.codec.unit)
                 if device.part[0].taxels is None:  # which would say the order
                     check_taxel_names(names, device.codec.unit)
                 if len(names) != device.codec.taxels:

@@ -495,12 +495,13 @@ def named_rows(
     kind: type[PlacedPress],
     most: int = SMALL,
     called: Mapping[str, str] | None = None,
+    unit: str = "",
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """Read a table of presses: where each row stands, and its words by name. Raises InputError.
 
     The line of names is the one of the first 40 that has the most names of `kind`, in capitals or not. What stands
-    above it is left out, and so are lines that begin with #, and empty rows. called: what names of `kind` are called
-    in the table, where otherwise.
+    above it is left out, and so are lines that begin with #, % or //, and empty rows. called: what names of `kind` are
+    called in the table, where otherwise. unit: of other numbers.
     """
     lines = read_text(path, what, most).splitlines()
     known = {name.lower(): name for name in (*kind.model_fields, "theta_deg")}
@@ -521,7 +522,7 @@ def named_rows(
             )
     above = heads.index(names) + 1
     separator = text_tables.separator_of(lines[above - 1])
-    below = ("" if line[:1] == "#" else line for line in lines[above:])
+    below = ("" if line.startswith(("#", "%", "//")) else line for line in lines[above:])
     rows = list(text_tables.cells_of(below, separator, path))
     for name in filter(None, names):
         if names.count(name) > 1:
@@ -535,7 +536,7 @@ def named_rows(
 
     commas = text_tables.has_decimal_commas(cells(others), separator)
     try:
-        thousands = text_tables.thousands_mark(cells(taxels), commas) or ""
+        thousands = text_tables.thousands_mark(cells(taxels), commas, unit) or ""
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     whole = (cell.replace(thousands, "") for cell in cells(taxels))

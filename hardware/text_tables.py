@@ -84,12 +84,12 @@ def with_points(cells: Sequence[str], separator: str, commas: bool) -> Sequence[
     ]  # fmt: skip
 
 
-def thousands_mark(cells: Iterable[str], commas: bool = False) -> str | None:
+def thousands_mark(cells: Iterable[str], commas: bool = False, unit: str = "") -> str | None:
     """Find the mark between the thousands of numbers, as in 5,166 or 1 234 567,5; None if they have none.
 
-    cells: of all taxels. commas: whether other numbers of the table have decimal commas.
+    cells: of all taxels. commas: whether other numbers of the table have decimal commas. unit: of the numbers.
     A comma or point is one if all that have it have three digits behind it, and decimals behind the other, or some
-    number is whole without it. Raises InputError if that may be chance, since few have it.
+    number is whole without it. Raises InputError if that may be chance, since few have it, or counts may be thousands.
     """
     cells = list(cells)
     for mark in _BETWEEN_THOUSANDS:
@@ -102,11 +102,12 @@ def thousands_mark(cells: Iterable[str], commas: bool = False) -> str | None:
         others = [cell for cell in cells if cell and mark not in cell]
         if mark not in ",." or any(one and (one[0].count(mark) > 1 or one[2]) for one in found):
             return mark
-        if not others or not all(re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in others):
+        counts = unit == "count" and max(abs(int(cell.replace(mark, ""))) for cell in marked) < 2**16
+        if not (others or counts) or not all(re.fullmatch(r"[-+]?\d{1,3}", cell) for cell in others):
             continue
         if len(marked) < _BY_CHANCE and commas:
             return None  # what stands there is refused where it stands
-        if len(marked) < _BY_CHANCE:
+        if len(marked) < _BY_CHANCE or not others:
             raise InputError(
                 f"{marked[0]} may be {marked[0].replace(mark, '')} or {marked[0].replace(mark, '.')}, and no number "
                 "tells which: write them without marks between thousands"

@@ -92,7 +92,7 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     same = {name: theirs[1:] for name, theirs in columns.items() if theirs[0] == ":"}
     called = {name: theirs for name, theirs in columns.items() if name not in same}
     posed = True
-    for where, words in named_rows(path, "presses", PressRow, LARGE, called):
+    for where, words in named_rows(path, "presses", PressRow, LARGE, called, unit):
         words |= same
         if not rows:
             posed = not _POSE.isdisjoint(words)

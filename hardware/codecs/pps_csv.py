@@ -99,7 +99,7 @@ class CsvCodec(LinesCodec):
         return np.round(values) if self._whole else values
 
 
-def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], str | None]:
+def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterator[Frame | str], str | None]:
     """Read the head of a recording: the names of its taxels, its frames line by line, and a remark on its time.
 
     A line that is no frame comes as text.
@@ -124,7 +124,7 @@ def read_table(texts: Iterable[str]) -> tuple[list[str], Iterator[Frame | str], 
     samples = [*head[line + 1 :], *texts]
     cells_of_lines = [cells for _, cells in text_tables.cells_of(samples, separator)]
     of_taxels = [cell for cells in cells_of_lines for at, cell in enumerate(cells) if at != time]
-    thousands = text_tables.thousands_mark(of_taxels) or ""
+    thousands = text_tables.thousands_mark(of_taxels, unit=unit) or ""
     of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
     of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
     decimals = ([] if of_hours else of_times) + [cell.replace(thousands, "") for cell in of_taxels]

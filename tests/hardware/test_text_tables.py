@@ -120,6 +120,11 @@ def test_decimals_are_no_thousands(mark, numbers):
 def test_a_number_that_reads_both_ways_is_refused():
     with pytest.raises(InputError, match=r"^5,166 may be 5166 or 5\.166"):
         thousands_mark(["5,166", "12", "0"])
+    every = [f"{3.1 + at / 999:.3f}" for at in range(60)]  # V, or counts of a pad that rests at 3,100
+    assert thousands_mark(every, unit="V") is None
+    assert thousands_mark([f"{number}" for number in (512.333, *map(float, every))], unit="count") is None
+    with pytest.raises(InputError, match=r"^3\.100 may be 3100 or"):
+        read_table(iter(["Time [ms];a", *(f"{40 * at};{cell}" for at, cell in enumerate(every))]), "count")
 
 
 @pytest.mark.parametrize("mark", [65535, 9999, -9999])

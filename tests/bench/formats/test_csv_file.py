@@ -40,7 +40,12 @@ def test_what_a_spreadsheet_saved_again_is_the_same(read):
     saved = [line.replace(",", ";").replace(".", ",").replace("A;", '"A";') for line in ROWS]
     assert read("\ufeff" + TITLE.replace(",", ";"), *saved).digest == WANTED.digest
     assert read("\ufeffsep=;", TITLE.replace(",", ";"), *saved).digest == WANTED.digest
-    assert read("# each label is an object", f"# {TITLE}", "# in mm", *ROWS).digest == WANTED.digest
+    assert (
+        read(
+            "# each label is an object", f"# {TITLE}", "# in mm", *ROWS[:1], "% pause", "// pause", *ROWS[1:]
+        ).digest
+        == WANTED.digest
+    )
     assert read(TITLE.upper(), *ROWS, ",,,,,,,,,,,,").digest == WANTED.digest
 
 
