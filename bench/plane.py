@@ -146,7 +146,14 @@ class Plane(Kind):
         if train is not None:
             from tactsim.core.making import train_on
 
-            scan = train_on(train, scan)
+            try:
+                scan = train_on(train, scan)
+            except InputError as error:
+                if not config.pressed:
+                    raise
+                raise InputError(
+                    f"{error}; without --scan the test readings are pressed in simulation"
+                ) from error
         letters = chosen_letters(config, scan.letters)
         if not scan.letters:
             raise InputError(f"{config.scan or 'the scan'} holds no readings")

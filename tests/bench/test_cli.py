@@ -182,6 +182,11 @@ def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     assert answer["letters"] == ["O"]
     assert set(results.load(tmp_path / "few").trials.truth) == {"O"}
     refused(here("run", *words, "--letters", "I"), "no test readings of letter 'I'")
+    known = Scan.load(tmp_path / "known.npz")
+    replace(known, taxel_xy=known.taxel_xy + 100).save(tmp_path / "another.npz")
+    refused(
+        here("run", "--train-scan", "another.npz", *SMALL), "pads differ", "without --scan the test readings"
+    )
 
 
 def test_noise_off_makes_readings_without_chance(here, tmp_path):
