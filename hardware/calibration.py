@@ -78,7 +78,12 @@ class Calibration(BaseModel):
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
         """Read a calibration file. Raises InputError with the first value that is wrong."""
-        return checked(cls, read_toml(path, "calibration"), f"calibration {path}")
+        table = read_toml(path, "calibration")
+        if "tare" not in table and table.keys() & {"codec", "pad", "part"}:
+            raise InputError(
+                f"{path} is a device file, and no calibration: give it with --device, or take a tare of it"
+            )
+        return checked(cls, table, f"calibration {path}")
 
 
 class Correction:

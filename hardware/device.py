@@ -258,6 +258,8 @@ def load_device(name: str | Path) -> Device:
         content = (files("tactsim.hardware") / "devices" / f"{name}.toml").read_bytes()
         return checked(Device, parse_toml(content, f"device {name}"), f"device {name}")
     table = read_toml(path, "device file")
+    if "tare" in table:
+        raise InputError(f"{path} is a calibration, and no device file: give it with --calibration")
     if table.keys() & {"no_seam", *Pad.model_fields}:
         return Device(name=path.stem, pad=checked(Pad, table, f"pad {path}"))
     return checked(Device, table, f"device file {path}")

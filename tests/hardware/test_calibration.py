@@ -13,6 +13,7 @@ from tactsim.hardware.calibration import (
     take_tare,
     with_gain,
 )
+from tactsim.hardware.device import load_device
 
 
 def readings(values):
@@ -75,6 +76,11 @@ def test_a_calibration_comes_back_from_its_file(rng, tmp_path):
     tare = take_tare(readings(noisy(rng)), small_device(), 'a "port"\nof two lines')
     tare.save(tmp_path / "tare.toml")
     assert Calibration.load(tmp_path / "tare.toml") == tare
+    with pytest.raises(InputError, match=r"tare.toml is a calibration, and no device file"):
+        load_device(tmp_path / "tare.toml")
+    (tmp_path / "pad.toml").write_text("[pad]\nrows = 2\n")
+    with pytest.raises(InputError, match=r"pad.toml is a device file, and no calibration"):
+        Calibration.load(tmp_path / "pad.toml")
 
 
 @pytest.mark.parametrize(
