@@ -92,7 +92,6 @@ def columns(trials: Trials) -> Table:
     for before, of in kind.poses.items():
         array = getattr(trials, of)
         values |= {f"{before}{name}": array[..., place] for place, name in enumerate(kind.pose)}
-
     names = dict.fromkeys((*kind.columns, *kind.time_columns))
     values |= {name: getattr(trials, name) for name in names if name not in values}
     return {name: np.broadcast_to(values[name], trials.label.shape).ravel() for name in names}

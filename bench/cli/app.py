@@ -109,14 +109,16 @@ class _Verb(TyperCommand):
         """Read the words after the verb. Raises InputError for an option whose last value would replace another."""
         if "--help-all" in args:
             self.whole, args = True, ["--help"]
+        from tactsim.core.checking import another_type  # brings pydantic, which the verb brings, too
+
         words, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for one in given:
             if given.count(one) > 1 and not getattr(one, "multiple", True):
                 raise InputError(f"{one.opts[0]} is given twice; give it once")
         rest = super().parse_args(ctx, args)
         for one in given:  # 10.000 would be ten, of whoever writes ten thousand so
-            if type(ctx.params.get(one.name)) is int and "." in (typed := str(words[one.name])):
-                raise InputError(f"{one.opts[0]}: give a whole number without a point, got {typed!r}")
+            if (fault := another_type(words[one.name], ctx.params.get(one.name), one.opts[0])) is not None:
+                raise InputError(fault)
         return rest
 
 

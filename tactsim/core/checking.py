@@ -75,13 +75,16 @@ def checked(model: type[Model], values: Any, where: str) -> Model:
         result = model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{where}: {_first_fault(error, model)}") from None
-    if (fault := _another_type(values, result)) is not None:
+    if (fault := another_type(values, result)) is not None:
         raise InputError(f"{where}: {fault}")
     return result
 
 
-def _another_type(given: Any, taken: Any, place: str = "") -> str | None:
-    """Find what pydantic took for another type: true or false for a number or the reverse, the text 10.000 for 10."""
+def another_type(given: Any, taken: Any, place: str = "") -> str | None:
+    """Find what was taken for another type: true or false for a number or the reverse, the text 10.000 for 10.
+
+    Returns what to say of it, with its place; None if there is no such value.
+    """
     if isinstance(taken, BaseModel) and isinstance(given, dict):
         names = ((name, field.alias or name) for name, field in type(taken).model_fields.items())
         pairs = [(key, given[key], getattr(taken, name)) for name, key in names if key in given]
@@ -97,7 +100,7 @@ def _another_type(given: Any, taken: Any, place: str = "") -> str | None:
         if isinstance(given, str) and "." in given and type(taken) is int:
             return f"{place}: give a whole number without a point, got {given!r}"
         return None
-    faults = (_another_type(one, other, f"{place}.{key}".lstrip(".")) for key, one, other in pairs)
+    faults = (another_type(one, other, f"{place}.{key}".lstrip(".")) for key, one, other in pairs)
     return next((fault for fault in faults if fault is not None), None)
 
 
