@@ -24,7 +24,7 @@ from tactsim.bench.kinds import Config
 from tactsim.core import InputError, invert
 from tactsim.core.checking import checked
 from tactsim.core.documents import read_toml
-from tactsim.core.errors import short, unknown
+from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
 
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ def _trials(value: Any) -> Any:
     count = whole_number(value) if isinstance(value, str) else value
     if value == "all" or (isinstance(count, int) and 1 <= count <= 1_000_000):
         return value if value == "all" else count
-    raise ValueError(f"give a number of at least 1, or all, got {short(value)}")
+    raise ValueError("give a number of at least 1, or all")
 
 
 class RunConfig(ScanWords):
