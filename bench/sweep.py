@@ -186,9 +186,9 @@ def perform(
     """
     names = _names(configs)  # a wrong option is reported before the work
     with _locked(folder):
-        _claim(folder, names, configs)
-        for path in folder.glob("runs/.*.part"):  # what a killed sweep left half-written
+        for path in (*folder.glob(".sweep.json.*.part"), *folder.glob("runs/.*.part")):  # left by a killed sweep
             shutil.rmtree(path) if path.is_dir() else path.unlink()
+        _claim(folder, names, configs)
         places = {name: folder / "runs" / name for name in names}
         whole = {name: results.load(place) for name, place in places.items() if (place / "run.json").exists()}
         todo = {name: config for name, config in zip(names, configs, strict=True) if name not in whole}

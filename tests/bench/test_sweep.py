@@ -170,6 +170,8 @@ def test_a_folder_that_holds_something_else_takes_no_sweep(here, tmp_path):
 def test_a_folder_in_use_or_of_another_sweep_is_refused(bench, here, tmp_path):
     (tmp_path / "s.toml").write_text(SMALL)
     (tmp_path / "other.toml").write_text(SMALL.replace("trials = 30", "trials = 1"))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".sweep.json.half.part").write_text("{")  # left by a sweep that was killed
     first = bench.start("sweep", "s.toml", "--out", "out", "--jobs", "1")
     wait_until(first, (tmp_path / "out" / "sweep.json").exists)
     first.send_signal(signal.SIGSTOP)  # it stays at work until the second has looked
