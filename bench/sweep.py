@@ -186,7 +186,8 @@ def perform(
     """
     names = _names(configs)  # a wrong option is reported before the work
     with _locked(folder):
-        for path in (*folder.glob(".sweep.json.*.part"), *folder.glob("runs/.*.part")):  # left by a killed sweep
+        # What a killed sweep left.
+        for path in (*folder.glob(".sweep.json.*.part"), *folder.glob("runs/.*.part")):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
         _claim(folder, names, configs)
         places = {name: folder / "runs" / name for name in names}

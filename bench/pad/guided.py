@@ -1,7 +1,6 @@
 """Lead a person through presses on the terminal: one session, whose recording is its journal, or a run's trials.
 
-What is measured already is kept. Its screen shows where to press and what the pad feels, side by side, within 80 x 24
-characters.
+What is measured already is kept. Its screen shows where to press and what the pad feels, side by side.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from tactsim.bench.machine import versions
 from tactsim.bench.pad import known_letter, poses_to_press, recording_of
 from tactsim.bench.pad.simulated_hand import PLACE, SimulatedHand
 from tactsim.bench.watching import PadReader, PadView
-from tactsim.bench.watching.watch_screen import show
+from tactsim.bench.watching.watch_screen import over_picture, show
 from tactsim.core import Pad, Scan
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError
@@ -43,9 +42,9 @@ from tactsim.hardware.terminal_pictures import Covers, on_template, placement, t
 from tactsim.models import Letter, letter
 from tactsim.press.clip import covers
 
-_KEYS = "space take it as it is   r redo the last   s skip   t tare   q stop (it goes on later)"
-_AROUND = 6  # lines above and below the pictures: title, place, state, a message of two lines, keys
+_KEYS = "space take it as it is   r redo the last   s skip   t tare   q stop for now"
 _REACH = 27.0  # mm from the pad's middle that the drawing shows at least: a letter may lie beside the pad
+_DRAWN = 0.55  # of the screen's width that the drawing takes at most
 _BESIDE = 5.0  # mm that it shows beside a larger pad
 _NUMBERS = re.compile(r"[\d.,]+")  # a message that differs in numbers alone is not said again
 
@@ -371,51 +370,46 @@ class Screen:
                 "bold green",
             )
             message = view.message or session.message
-        width, height = self._console.size
-        return Group(
-            _line(heading),
-            _line(Text(where(pose, self._from_behind))),
-            self._pictures(view, pose, width, height - _AROUND),
-            state,
-            _two_lines(message, width),
-            _line(Text(_KEYS, "dim")),
+        console = self._console
+        message_lines = Text(message, "bold red")
+        if len(message_lines.wrap(console, console.width)) < 2:
+            message_lines.append("\n")  # nothing below jumps
+        return over_picture(
+            console,
+            [heading, Text(where(pose, self._from_behind))],
+            partial(self._pictures, view, pose, console.width),
+            [state, message_lines, Text(_KEYS, "dim")],
         )
 
     def _pictures(self, view: PadView, pose: FloatArray, width: int, height: int) -> Table:
         """Draw where to press, and beside it what the pad feels and felt last, in `width` x `height` characters."""
         session, reach = self._session, _reach(self._session.pad)
-        cell = max(1.0, reach / max(height, 1))  # mm of a character along x; along y it is twice as much
+        # mm of a character along x; along y it is twice as much.
+        cell = max(1.0, reach / height, 2 * reach / (_DRAWN * width))
         drawing = placement(pose, session.pad, self._covers, self._from_behind, reach, cell)
         drawing.right_crop()  # the last line's end
-        room = width - int(2 * reach / cell) - 3, max((height - 2) // 2, 1)
-        now = tactile_image(view.pressures, session.pad.taxel_xy, self._from_behind, room)
-        images = [Text(f"the pad now, its {'face' if self._from_behind else 'back'}\n"), now]
+        across = width - int(2 * reach / cell) - 3
+        now, last = (
+            Text("\n").join([*Text(title).wrap(self._console, across), Text()])
+            for title in (
+                f"the pad now, its {'face' if self._from_behind else 'back'}",
+                "the last press that was taken",
+            )
+        )
+        titles = now.plain.count("\n") + last.plain.count("\n")
+        room = across, max((height - titles) // 2, 1)
+        now.append(tactile_image(view.pressures, session.pad.taxel_xy, self._from_behind, room))
         if session.image is not None:
-            last = tactile_image(session.image, self.taxel_xy, self._from_behind, room)
-            room_left = now.plain.count("\n") + last.plain.count("\n") + 3 <= height
-            images += [Text("\n" * room_left + "the last press that was taken\n"), last]
-        beside = Text().join(images)
-        beside.right_crop()
+            last.append(tactile_image(session.image, self.taxel_xy, self._from_behind, room))
+            room_left = now.plain.count("\n") + last.plain.count("\n") < height
+            now.append("\n" * room_left).append(last)
+        now.right_crop()
         table = Table.grid(padding=(0, 3, 0, 0))
         table.add_column(no_wrap=True, overflow="crop")
         table.add_column(no_wrap=True, overflow="crop")
-        table.add_row(drawing, beside)
+        table.add_row(drawing, now)
         return table
 
 
 def _reach(pad: Pad) -> float:
     return max(_REACH, float(pad.column_edges.max()) + _BESIDE, float(pad.row_edges.max()) + _BESIDE)
-
-
-def _line(text: Text) -> Text:
-    text.no_wrap, text.overflow = True, "ellipsis"
-    return text
-
-
-def _two_lines(message: str, width: int) -> Text:
-    """Break a message into exactly two lines, so that nothing below it jumps."""
-    lines = Text(message, "bold red").wrap(Console(width=width), width)
-    if len(lines) > 2:
-        lines[1].truncate(width - 1)
-        lines[1].append("…")
-    return Text("\n").join([*lines[:2], *[Text()] * (2 - len(lines))])

@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 from rich.console import Console, Group
 from rich.text import Text
@@ -13,7 +14,14 @@ from rich.text import Text
 from tactsim.bench.watching import PadReader, PadView
 from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.touch_leader import LiveView
-from tactsim.bench.watching.watch_screen import REDRAW_S, one_line, pad_lines, show, state_text
+from tactsim.bench.watching.watch_screen import (
+    REDRAW_S,
+    over_picture,
+    pad_picture,
+    scale_text,
+    show,
+    state_text,
+)
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray
 
@@ -65,22 +73,25 @@ def _screen(
     view: PadView, reader: PadReader, words: BeliefWords, console: Console, page: str | None
 ) -> Group:
     now = words.leading.view()
-    return Group(
+    above = [
         state_text(view, frozen=False).append(f"   {page or ''}", "default"),
         asks(view, now),
         Text(words.where(now), "bold"),
-        one_line(view.trouble or view.message or now.message, "red"),
-        *pad_lines(view, reader, console, beside=9, from_behind=words.from_behind),
+        Text(printable(view.trouble or view.message or now.message), "red"),
+    ]
+    below = [
+        scale_text(view, console, words.from_behind),
         Text(printable(words.line(now.belief)), "bold"),
-        Text(_KEYS, "dim", no_wrap=True),
-    )
+        Text(_KEYS, "dim"),
+    ]
+    return over_picture(console, above, partial(pad_picture, view, reader, console, words.from_behind), below)
 
 
 def asks(view: PadView, now: LiveView) -> Text:
     """Say in colour what is waited for; of a pad that is lost, nothing but that."""
     if view.state == "lost":
         return Text("the pad is lost", "bold red")
-    text = Text(f"{now.phase}  ", "bold green", no_wrap=True, overflow="ellipsis")
+    text = Text(f"{now.phase}  ", "bold green")
     text.append(f"{100 * now.progress:3.0f} %  " if now.progress else "", "bold green")
     text.append(f"{view.force + 0.0:.2f} N" if view.pressures is not None else "")
     return text

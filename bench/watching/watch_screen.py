@@ -6,8 +6,9 @@ import os
 import select
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -114,20 +115,32 @@ def sparkline(forces: list[float | None], width: int) -> str:
     return "".join(bars).rjust(width)
 
 
-def pad_lines(
-    view: PadView, reader: PadReader, console: Console, *, beside: int, from_behind: bool
-) -> list[RenderableType]:
-    """Draw the picture of the pad and its scale, which leave `beside` lines of the screen to others."""
-    width, height = console.width - 1, console.height - beside
-    colours = console.color_system is not None and not console.no_color
+def over_picture(
+    console: Console, above: Sequence[Text], picture: Callable[[int], RenderableType], below: Sequence[Text]
+) -> Group:
+    """Set words above and below a picture, which is given how many lines of the screen they leave: no word is cut."""
+    used = sum(len(words.wrap(console, console.width)) for words in (*above, *below))
+    return Group(*above, picture(max(console.height - used, 1)), *below)
+
+
+def pad_picture(view: PadView, reader: PadReader, console: Console, from_behind: bool, height: int) -> Text:
+    """Draw what the pad feels in at most `height` lines."""
     picture = tactile_image(
-        view.pressures, reader.pad.taxel_xy, from_behind, (width, height - 1), scale=view.scale,
-        marks=dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=colours,
+        view.pressures, reader.pad.taxel_xy, from_behind, (console.width - 1, height), scale=view.scale,
+        marks=dict.fromkeys(view.left_out, "x"), largest=(6, 2), colours=_coloured(console),
     )  # fmt: skip
     picture.rstrip()
-    scale = scale_bar(view.scale, min(width, 40), colours).append(f"  {SEEN[from_behind]}", "dim")
-    scale.no_wrap, scale.overflow = True, "crop"
-    return [picture, scale]
+    return picture
+
+
+def scale_text(view: PadView, console: Console, from_behind: bool) -> Text:
+    """Say what the picture's colours mean, and from where the pad is seen."""
+    bar = scale_bar(view.scale, min(console.width - 1, 40), _coloured(console))
+    return bar.append(f"  {SEEN[from_behind]}", "dim")
+
+
+def _coloured(console: Console) -> bool:
+    return console.color_system is not None and not console.no_color
 
 
 def _on_terminal(
@@ -156,27 +169,25 @@ def _screen(
     shown = view if frozen is None else frozen
     left_out = f"x left out: {reader.device.called(*shown.left_out)}" if shown.left_out else ""
     curve = sparkline(reader.history(), max(console.width - 18, 1))
-    return Group(
-        one_line(f"{reader.device.name} at {reader.name}", "bold"),
+    above = [
+        Text(printable(f"{reader.device.name} at {reader.name}"), "bold"),
         state_text(view, frozen is not None),
-        one_line(view.trouble, "red"),
-        Text(f"force {rounded(shown.force, 2):>6} N  {curve}", no_wrap=True),
-        *pad_lines(shown, reader, console, beside=11, from_behind=from_behind),
-        one_line(left_out, "dim"),
-        one_line(counters_shown(view.counters), "dim"),
+        Text(printable(view.trouble), "red"),
+        Text(f"force {rounded(shown.force, 2):>6} N  {curve}"),
+    ]
+    below = [
+        scale_text(shown, console, from_behind),
+        Text(left_out, "dim"),
+        Text(counters_shown(view.counters), "dim"),
         Text(printable(view.message), "yellow"),
-        one_line(_KEYS + (f"   {page}" if page else ""), "dim"),
-    )
-
-
-def one_line(words: str, style: str) -> Text:
-    """Write words in one line of a screen, which ends with dots where they have no room."""
-    return Text(printable(words), style, no_wrap=True, overflow="ellipsis")
+        Text(_KEYS + (f"   {page}" if page else ""), "dim"),
+    ]
+    return over_picture(console, above, partial(pad_picture, shown, reader, console, from_behind), below)
 
 
 def state_text(view: PadView, frozen: bool) -> Text:
     """Say in colour whether the pad speaks and how fast; a picture that is frozen is called so."""
-    text = Text(f" {view.state} ", STATES[view.state], no_wrap=True, overflow="ellipsis")
+    text = Text(f" {view.state} ", STATES[view.state])
     text.append(f"  {view.rate:.1f} readings/s, {view.readings:,} so far", "default")
     if not view.tared:
         text.append("  not tared", "default")

@@ -40,7 +40,7 @@ def scale(reach: float) -> FloatArray:
 def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str], reach: float) -> Floats:
     """Make the action that touches at a pose [x, y, theta] mm, mm, rad; the angle is folded into [-pi, pi).
 
-    Raises InputError for what is no finite pose. A pose beyond the reach is refused by `step`.
+    Raises InputError for what is no finite pose, and for one beyond the reach.
     """
     try:
         pose = np.array(sensor_in_robot, dtype=float)
@@ -51,6 +51,8 @@ def touch_action(sensor_in_robot: ArrayLike, labels: Sequence[str], reach: float
     pose[2] = wrap_angle(pose[2])
     action = np.zeros(_STOP + 1 + len(labels), dtype=np.float32)
     action[:3], action[_STOP] = pose / scale(reach), -1.0
+    for column in np.flatnonzero(np.abs(action[:3]) > 1):
+        raise InputError(_beyond(int(column), float(action[column]), labels, reach))
     return action
 
 
@@ -321,7 +323,7 @@ class TouchEnv(gymnasium.Env):
         return self.world.answer(self.hidden.letter)
 
     def touch(self, sensor_in_robot: ArrayLike) -> Floats:
-        """Make the action that touches at [x, y, theta] mm, mm, rad. Raises InputError for what is no pose."""
+        """Make the action that touches at [x, y, theta] mm, mm, rad. Raises InputError for what cannot be touched."""
         return touch_action(sensor_in_robot, self.labels, self.reach)
 
     def say(self, label: str) -> Floats:

@@ -232,6 +232,10 @@ def test_the_actions_that_are_made_are_in_the_space_and_say_what_was_asked(pose,
     ("change", "said"),
     [
         (lambda a: np.where(np.arange(9) == 0, 1.2, a), "x = 14.4 mm is beyond the pad's reach of 12 mm"),
+        (
+            lambda a: shared("tactsim/slip-v1").touch([0, -50, 0]),
+            "y = -50 mm is beyond the pad's reach of 12 mm",
+        ),
         (lambda a: np.where(np.arange(9) == 5, 2, a), "the score of E"),
         (lambda a: np.where(np.arange(9) == 1, np.nan, a), "NaN"),
         (lambda a: a[:3], r"an array \(9,\) of numbers"),
