@@ -18,7 +18,7 @@ from tactsim.bench.leaderboard.ranking import Ranking, ranked
 from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
 from tactsim.bench.runs.paper import PRINTED, Printed
-from tactsim.bench.runs.pooled import Pooled, figure_of
+from tactsim.bench.runs.pooled import Pooled, cell, figure_of
 from tactsim.bench.score import recognition_seconds
 from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, draw_true_pose, generator
@@ -31,8 +31,8 @@ OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings
 MOST_TRIALS = 20_000  # of a bundle: the bootstrap takes 16 kB for each
 PAPER = "letters-v1"  # the task that has the paper's protocol
-_SEEN = (1, 2, 3, 5, 10, 20)  # readings after which a table shows the accuracy, and the last
-_SEEN_OF_ERROR = (10, 20)
+_SEEN = (1, 2, 3, 5, 10)  # readings after which a table shows the accuracy, and the last
+_SEEN_OF_ERROR = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +107,14 @@ class Standings:
 
     @property
     def columns(self) -> list[str]:
-        """List the figures of the table: what ranks, accuracy, error, error over bound, and what else is scored."""
+        """List the figures of the table that any method has: what ranks, accuracy, error, over its bound, what is scored."""
         last = self.readings
         if not last:  # a task of another version, with which nobody was done
             return []
         accuracy = [f"accuracy@{at}" for at in (*(k for k in _SEEN if k < last), last)]
-        error = [f"error_mm@{at}" for at in (*(k for k in _SEEN_OF_ERROR if k < last), last)]
-        return list(dict.fromkeys([self.by, *accuracy, *error, f"efficiency@{last}", *self.scored]))
+        error = [f"error_mm@{at}" for at in sorted({min(_SEEN_OF_ERROR, last), last})]
+        figures = dict.fromkeys([self.by, *accuracy, *error, f"efficiency@{last}", *self.scored])
+        return [name for name in figures if any(cell(one.pooled, name) != "-" for one in self.ranked)]
 
     @property
     def paper(self) -> tuple[Printed, ...]:

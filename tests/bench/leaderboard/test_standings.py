@@ -109,7 +109,11 @@ def test_a_method_that_places_nothing_has_no_rank_among_errors(tmp_path):
     runs = [
         replace(run, trials=replace(run.trials, pose=np.zeros_like(run.trials.pose))) for run in memory.runs
     ]
-    found = folder_of(tmp_path, {**ranked, "memory": changed(memory, runs=tuple(runs))})
+    memory = changed(memory, runs=tuple(runs))
+    (alone,) = folder_of(tmp_path, {"memory": memory}).standings
+    assert "accuracy@5" in alone.columns
+    assert not [name for name in alone.columns if "error" in name]
+    found = folder_of(tmp_path, {**ranked, "memory": memory})
     (of,) = found.standings
     assert [(one.label, one.rank) for one in of.ranked] == [
         ("near", (1, 1)),
@@ -118,14 +122,8 @@ def test_a_method_that_places_nothing_has_no_rank_among_errors(tmp_path):
     ]
     assert rank_words(of.ranked[-1].rank) == cell(of.ranked[-1].pooled, of.by).replace("-", "–") == "–"
     write_site(found, tmp_path / "site")
-    rows = [
-        row
-        for row in csv.DictReader(
-            (tmp_path / "site" / "figures.csv").read_text(encoding="utf-8").splitlines()
-        )
-        if row["method"] == "memory"
-    ]
-    by_name = {row["figure"]: row for row in rows}
+    lines = (tmp_path / "site" / "figures.csv").read_text(encoding="utf-8").splitlines()
+    by_name = {row["figure"]: row for row in csv.DictReader(lines) if row["method"] == "memory"}
     assert by_name["accuracy@5"]["value"]
     assert not by_name[of.by]["value"]
     assert not by_name[of.by]["rank_best"]
