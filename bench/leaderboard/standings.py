@@ -107,7 +107,7 @@ class Standings:
 
     @property
     def columns(self) -> list[str]:
-        """List the figures of the table that any method has: what ranks, accuracy, error, over its bound, what is scored."""
+        """List the figures of the table that any method has: what ranks, accuracy, error, what is scored."""
         last = self.readings
         if not last:  # a task of another version, with which nobody was done
             return []

@@ -66,7 +66,7 @@ class StateGrid:
         """Say the split in one line."""
         dx, dy, da = self.spacing
         return (
-            f"{self.x} x {self.y} x {self.angle} = {self.bins:,} bins a letter, "
+            f"{self.x} x {self.y} x {self.angle} = {self.bins:,} bins an object, "
             f"each {dx:.3g} mm x {dy:.3g} mm x {math.degrees(da):.3g} deg"
         )
 

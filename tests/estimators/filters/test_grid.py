@@ -77,7 +77,7 @@ def test_a_grid_that_reaches_farther_has_at_most_so_many_bins(times, most):
 def test_an_explicit_split_is_taken(split):
     grid = state_grid(10_000, split)
     assert (grid.x, grid.y, grid.angle) == (16, 20, 36)
-    assert grid.describe() == "16 x 20 x 36 = 11,520 bins a letter, each 1.25 mm x 1 mm x 10 deg"
+    assert grid.describe() == "16 x 20 x 36 = 11,520 bins an object, each 1.25 mm x 1 mm x 10 deg"
 
 
 @pytest.mark.parametrize("split", ["16x16", "0x5x5", "axbxc", "1.5x2x2", "5000x5000x5000"])
