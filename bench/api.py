@@ -151,7 +151,7 @@ def sweep(
     calls this under `if __name__ == "__main__":`. Raises InputError as `bench sweep` does.
     """
     from tactsim.bench import sweep as sweeps
-    from tactsim.bench.results import load
+    from tactsim.bench.runs.saved import load
 
     _check_jobs(jobs)
     _, configs = sweeps.read(str(source))

@@ -6,7 +6,7 @@ import base64
 import html
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -20,9 +20,7 @@ from tactsim.bench.config import flat
 from tactsim.bench.kinds import PLANE, Kind
 from tactsim.bench.score import CURVES, Scored, figures, summarise
 from tactsim.bench.trials import TrialPlan, TrialRules, Trials
-from tactsim.core import InputError
 from tactsim.core.checking import checked
-from tactsim.core.documents import read_json
 from tactsim.core.errors import counted
 from tactsim.core.files import new_folder, read_bytes, write_bytes, write_text
 from tactsim.core.poses import FloatArray
@@ -271,6 +269,8 @@ class Run:
     @classmethod
     def load(cls, folder: str | Path) -> Run:
         """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
+        from tactsim.bench.runs.saved import load
+
         return load(folder)
 
     def report(self, path: str | Path) -> Path:
@@ -449,14 +449,6 @@ class AnyAbout(_Strict):
     machine: _Machine
 
 
-class _Times(_Strict):
-    """The fields of times.json that every reader needs."""
-
-    seconds: dict[str, float]
-    work: dict[str, Any]
-    peak_memory_mb: float
-
-
 def save(run: Run, folder: Path) -> None:
     """Write a run's files into `folder`; except for times.*, the same run gives the same bytes."""
     about, times = documents(run)
@@ -486,31 +478,6 @@ def documents(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     return about, run.times | {"work": run.work}
 
 
-def run_of(
-    about: Mapping[str, Any],
-    times: Mapping[str, Any],
-    trials: Trials,
-    bounds: FloatArray | None,
-    folder: Path | None = None,
-) -> Run:
-    """Put a run together from what run.json and times.json say, its trials and their bounds.
-
-    folder: holds what run.json does not of the objects. Raises InputError if one of them is not whole, or has another
-    schema.
-    """
-    about, times = dict(about), dict(times)
-    kind = kinds.load(trials.kind)
-    if about.pop("schema", None) != kind.schema:
-        raise InputError(f"run.json: unknown schema; this version reads schema {kind.schema}")
-    checked(kind.about, about, "run.json")
-    checked(_Times, times, "times.json")
-    about.pop("task", None)
-    objects = kind.objects_of(about, folder)
-    if not set(trials.truth.tolist()) <= set(objects):
-        raise InputError("run.json: objects: a letter of trials.csv is missing")
-    return Run(about.pop("config"), about, objects, times.pop("work"), trials, times, bounds=bounds)
-
-
 def picture_names(run: Run) -> dict[str, Callable[[], Picture]]:
     """Name the pictures of a run's folder, each with what draws it."""
     pictures: dict[str, Callable[[], Picture]] = {f"{run.kind.touches}.png": run.plot}
@@ -521,49 +488,6 @@ def picture_names(run: Run) -> dict[str, Callable[[], Picture]]:
     return pictures
 
 
-def load(path: str | Path) -> Run:
-    """Read a run's folder. Raises InputError if it is not a run, is not whole or has another schema."""
-    folder = Path(path)
-    if not (folder / "run.json").is_file():
-        why = "it has no run.json" if folder.is_dir() else "there is no such folder"
-        if (folder / "sweep.json").is_file():
-            why = f"it is a sweep's, and `bench runs {folder}` lists its runs"
-        raise InputError(f"{folder} is not the folder of a run: {why}")
-    about = read_json(folder / "run.json", "file of a run")
-    kind = kinds.of_task(about.get("task"))
-    if about.get("schema") != kind.schema:
-        raise InputError(f"{folder / 'run.json'}: unknown schema; this version reads schema {kind.schema}")
-    try:
-        config = checked(kind.about, about, "run.json").config  # type: ignore[attr-defined]
-        if (folder / PACKED).is_file():  # as a bundle keeps it
-            table = columns.read_columns(folder / PACKED, kind)
-        else:
-            table = columns.read_csv(folder / "trials.csv", kind.columns)
-            times = columns.read_csv(folder / "times.csv", kind.time_columns)
-            columns.same_rows("times.csv", times, table)
-            table |= times
-        trials = columns.trials_of(table, config.hold_out, kind, about["config"].get("stop_at"))
-        if (folder / "bounds.csv").is_file():
-            bounds = columns.read_csv(folder / "bounds.csv", BOUND_COLUMNS)
-            columns.same_rows("bounds.csv", bounds, table)
-            table |= bounds
-        bound = columns.bounds_of(table, trials) if "bound_mm" in table else None
-        run = run_of(about, read_json(folder / "times.json", "file of a run"), trials, bound, folder)
-    except InputError as error:
-        raise InputError(f"{folder} is not a whole run: {error}") from error
-    kept = tuple(folder / SHAPES / Path(path).name for path in config.shapes)
-    return replace(run, shape_files=kept) if all(path.is_file() for path in kept) else run
-
-
 def to_json(value: Any) -> str:
     """Write JSON with sorted keys, one entry a line. Raises ValueError for NaN and infinity."""
     return json.dumps(value, indent=1, sort_keys=True, allow_nan=False, default=str) + "\n"
-
-
-def sweep_order(path: Path) -> dict[str, int]:
-    """Give the names of a sweep's runs, each with its place in the sweep. Raises InputError if it lists none."""
-    content = read_json(path / "sweep.json", "sweep's list of runs")
-    try:
-        return {str(run["name"]): number for number, run in enumerate(content["runs"])}
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{path / 'sweep.json'} lists no runs: {type(error).__name__}: {error}") from error

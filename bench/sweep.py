@@ -24,7 +24,8 @@ from tactsim.bench import kinds, results
 from tactsim.bench.config import any_config
 from tactsim.bench.experiment import Config, Gathered, estimator_of, finished_run, gather
 from tactsim.bench.kinds import OF_THE_METHOD
-from tactsim.bench.results import Run, sweep_order
+from tactsim.bench.results import Run
+from tactsim.bench.runs.saved import load, sweep_order
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
     OneTrial,
@@ -191,7 +192,7 @@ def perform(
             shutil.rmtree(path) if path.is_dir() else path.unlink()
         _claim(folder, names, configs)
         places = {name: folder / "runs" / name for name in names}
-        whole = {name: results.load(place) for name, place in places.items() if (place / "run.json").exists()}
+        whole = {name: load(place) for name, place in places.items() if (place / "run.json").exists()}
         todo = {name: config for name, config in zip(names, configs, strict=True) if name not in whole}
         if todo:
             _check_sources(folder, whole)

@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Table
 
 from tactsim.bench.console import plain_console, plain_table
-from tactsim.bench.results import Run, load, picture_names, task_name
+from tactsim.bench.results import Run, picture_names, task_name
 from tactsim.bench.runs import paper
 from tactsim.bench.score import BESIDE, CURVES, figures
 from tactsim.bench.trials import Progress as Report
@@ -211,7 +211,7 @@ def print_sweep(places: list[Path]) -> None:
     from tactsim.bench.runs.pooled import pool
 
     console = plain_console()
-    pooled = groupby(pool(map(load, places)), key=lambda one: (one.protocol, one.task))
+    pooled = groupby(pool(map(Run.load, places)), key=lambda one: (one.protocol, one.task))
     for (protocol, task), grouped in pooled:
         pools = list(grouped)
         console.print(protocol, style="bold", end="; ")

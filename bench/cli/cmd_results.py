@@ -108,9 +108,9 @@ def command_table(
 ) -> None:
     """Print the figures of runs with their intervals, as Markdown, LaTeX or CSV; seeds are pooled."""
     from tactsim.bench.report.write import find
-    from tactsim.bench.results import load
     from tactsim.bench.runs import tables
     from tactsim.bench.runs.pooled import pool
+    from tactsim.bench.runs.saved import load
 
     folders, remarks = find(runs)
     pools = pool(map(load, folders))
@@ -139,7 +139,7 @@ def command_compare(
 ) -> None:
     """Compare runs on the same trials with a first one; exit status 1 if any is worse beyond chance."""
     from tactsim.bench.compare import compare
-    from tactsim.bench.results import load
+    from tactsim.bench.runs.saved import load
 
     if len(new) > 1:
         _compare_all([base, *new])
@@ -164,8 +164,8 @@ def _compare_all(folders: list[Path]) -> None:
     """Compare each of several runs with the first, their p corrected for all pairs as a leaderboard's are."""
     from tactsim.bench.compare import check_same_trials
     from tactsim.bench.leaderboard.ranking import LEVEL, ranked
-    from tactsim.bench.results import load
     from tactsim.bench.runs.pooled import cell, pool
+    from tactsim.bench.runs.saved import load
     from tactsim.bench.runs.tables import heading
 
     twice = [
@@ -223,8 +223,8 @@ def _compare_all(folders: list[Path]) -> None:
 def command_runs(folder: Path = typer.Argument(Path("results"), help="Where to look, at any depth.")) -> None:
     """List all runs of a folder with their figures after the last reading, the newest last."""
     from tactsim.bench.report.write import check_folder
-    from tactsim.bench.results import load
     from tactsim.bench.runs.pooled import cell, metric_of, pool
+    from tactsim.bench.runs.saved import load
 
     check_folder(folder)
     found, remarks = [], []

@@ -101,7 +101,7 @@ def limited_runs(
             raise InputError(ended["refused"])
         if "status" in ended:
             raise NoScore(ended["status"], output)
-        return [results.load(folder / str(number)) for number in range(len(wanted))]
+        return [Run.load(folder / str(number)) for number in range(len(wanted))]
 
 
 def _followed(

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from tactsim.bench import experiment
-from tactsim.bench.columns import LATER
 from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig, run_config
 from tactsim.bench.leaderboard.bundle import DONE, Bundle, Machine, kept, select
@@ -26,6 +25,7 @@ from tactsim.bench.leaderboard.submit import Method, package_of, source_of, stat
 from tactsim.bench.machine import machine, versions
 from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
+from tactsim.bench.runs.saved import LATER
 from tactsim.bench.score import errors
 from tactsim.bench.tasks import Task, names
 from tactsim.bench.tasks.data import check_data

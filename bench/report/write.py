@@ -16,8 +16,9 @@ from tactsim.bench.plane import NO_BOUND
 from tactsim.bench.report.curves import COLUMNS, has_curves, tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.recognition import readings_of, replay_all
-from tactsim.bench.results import Run, load, sweep_order
+from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Group, collect
+from tactsim.bench.runs.saved import load, sweep_order
 from tactsim.bench.trials import Progress
 from tactsim.core import InputError, Scan
 from tactsim.core.checking import checked

@@ -23,8 +23,9 @@ from page_blocks import exit_status, fill_blocks, fill_page
 
 from tactsim.bench.places import SWEEPS
 from tactsim.bench.report.write import find
-from tactsim.bench.results import Run, load
+from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Pooled, cell, pool
+from tactsim.bench.runs.saved import load
 from tactsim.bench.runs.tables import markdown_table, plain_rows, scans_and_trials
 from tactsim.bench.trials import source_of_trials
 from tactsim.core import InputError

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from tactsim.bench import experiment, results
 from tactsim.bench.cli.app import app
 from tactsim.bench.config import run_config
+from tactsim.bench.runs.saved import load
 from tactsim.core import Scan
 
 SCRIPT = "<script>document.title='harmed'</script>"
@@ -108,7 +109,7 @@ def changed(copied):
     """Copy a run with some of its trials' columns replaced."""
 
     def change(place, name="copy", **columns):
-        run = results.load(place)
+        run = load(place)
         folder = copied(place, name)
         trials = replace(run.trials, **columns)
         bounds = None if run.bounds is None else run.bounds[:, : trials.label.shape[1]]

@@ -16,7 +16,8 @@ import tactsim
 from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig, scan_options
 from tactsim.bench.report.recognition import readings_of
-from tactsim.bench.results import load, save, task_name, to_json
+from tactsim.bench.results import save, task_name, to_json
+from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import TrialRules
 from tactsim.core import InputError
 from tactsim.estimators import Options

@@ -15,7 +15,7 @@ import pytest
 from command_line import BENCH, Bench, refused, wait_until
 from rich.table import Table
 
-from tactsim.bench import experiment, results, terminal
+from tactsim.bench import experiment, terminal
 from tactsim.bench.cli import main
 from tactsim.bench.cli.app import load, said_of
 from tactsim.bench.console import plain_console
@@ -30,7 +30,7 @@ SMALL = ["--estimator", "histogram", "--trials", "1", "--readings", "4", "--bins
 def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
     result = bench("run", *SMALL, "--letters", "AE", "--verbose", "--out", "here")
     assert result.returncode == 0, result.stderr
-    shown = results.load(tmp_path / "here")
+    shown = Run.load(tmp_path / "here")
     assert f"right after 4 readings: {shown.accuracy[3]:.2f} (95 % interval " in result.stdout
     assert f"error {shown.error_mm[3]:.2f} mm" in result.stdout
     names = {path.name for path in (tmp_path / "here").iterdir()}
@@ -180,7 +180,7 @@ def test_what_is_tested_may_be_fewer_letters_than_are_known(here, tmp_path):
     assert "O (among I O): 1 trial, " in here("run", *words, "--out", "few").stdout
     answer = json.loads(here("run", *words, "--json").stdout)
     assert answer["letters"] == ["O"]
-    assert set(results.load(tmp_path / "few").trials.truth) == {"O"}
+    assert set(Run.load(tmp_path / "few").trials.truth) == {"O"}
     refused(here("run", *words, "--letters", "I"), "no test readings of letter 'I'")
     known = Scan.load(tmp_path / "known.npz")
     replace(known, taxel_xy=known.taxel_xy + 100).save(tmp_path / "another.npz")

@@ -13,7 +13,7 @@ from tactsim.bench.compare import compare
 from tactsim.bench.config import RunConfig
 from tactsim.bench.experiment import perform
 from tactsim.bench.plane import Plane
-from tactsim.bench.results import load
+from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import Trials
 from tactsim.core import Scan
 from tactsim.estimators import registry

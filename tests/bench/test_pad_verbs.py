@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import emulated, refused, wait_until
 
-from tactsim.bench.results import load
+from tactsim.bench.runs.saved import load
 from tactsim.core import Scan
 from tactsim.hardware.scans import scan_of_sessions
 

@@ -21,7 +21,7 @@ from small_runs import make_run_in
 
 import tactsim
 from tactsim import models
-from tactsim.bench import results, score
+from tactsim.bench import score
 from tactsim.bench.config import run_config
 from tactsim.bench.kinds import Sheet
 from tactsim.bench.placement import Properties, placement_error
@@ -40,6 +40,7 @@ from tactsim.bench.report.write import find, write_pages, write_report
 from tactsim.bench.results import task_name
 from tactsim.bench.runs.paper import in_figure
 from tactsim.bench.runs.pooled import budget, collect, figure_of, method_name, pool
+from tactsim.bench.runs.saved import load
 from tactsim.bench.score import LEAST_ERROR, recognition_seconds
 from tactsim.bench.terminal import headline
 from tactsim.bench.trials import OneTrial, Trials
@@ -51,7 +52,7 @@ from tactsim.estimators.estimator import PoseSamples, about_estimator
 
 
 def loaded(places):
-    return [(place, results.load(place)) for place in places]
+    return [(place, load(place)) for place in places]
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,7 @@ def test_two_protocols_share_no_section(report):
 
 def test_curves_are_those_of_the_summary(runs, report):
     for place in (runs.small, runs.large):
-        summary = results.load(place).summary
+        summary = load(place).summary
         rows = [row for row in rows_of(report.with_name("readings.csv")) if row["folder"] == str(place)]
         assert [int(row["reading"]) for row in rows] == [*range(1, 9)]
         for name in (
@@ -138,12 +139,12 @@ def test_curves_are_those_of_the_summary(runs, report):
             assert [row[name] for row in rows] == wanted
     drawn = {run["folder"]: run for task in data_of(report)["protocols"][0]["tasks"] for run in task["runs"]}
     assert drawn[str(runs.small)]["figures"]["accuracy"][0] == pytest.approx(
-        results.load(runs.small).summary["accuracy"], rel=1e-5
+        load(runs.small).summary["accuracy"], rel=1e-5
     )
 
 
 def test_ranks_are_drawn_beside_the_band_that_the_test_of_them_asks_for(runs):
-    whole = results.load(runs.large)
+    whole = load(runs.large)
     found = whole.trials.credibility[whole.trials.sure[:, -1], -1]
     narrow = replace(whole, trials=replace(whole.trials, credibility=whole.trials.credibility**0.05))
     for one in (whole, narrow):
@@ -160,7 +161,7 @@ def test_ranks_are_drawn_beside_the_band_that_the_test_of_them_asks_for(runs):
 
 
 def test_the_reliability_diagram_counts_every_estimate(runs):
-    trials = results.load(runs.small).trials
+    trials = load(runs.small).trials
     bins = reliability(trials)
     assert sum(one.count for one in bins) == trials.label.size
     assert sum(one.count * one.right for one in bins) == pytest.approx(trials.right.sum())
@@ -184,7 +185,7 @@ def test_the_ellipse_is_about_where_the_letters_centre_truly_lies():
 
 def test_confusion_counts_every_trial_at_every_reading(runs, report):
     rows = [row for row in rows_of(report.with_name("confusion.csv")) if row["folder"] == str(runs.small)]
-    run = results.load(runs.small)
+    run = load(runs.small)
     for k in range(run.trials.label.shape[1]):
         counted = {(r["truth"], r["label"]): int(r["trials"]) for r in rows if int(r["reading"]) == k + 1}
         pairs = list(zip(run.trials.truth.tolist(), run.trials.label[:, k].tolist(), strict=True))
@@ -213,7 +214,7 @@ def test_the_frontier_is_what_nothing_dominates(pairs):
 
 
 def test_points_are_taken_at_the_readings_that_all_runs_have(runs, tmp_path, changed):
-    run = results.load(runs.large)
+    run = load(runs.large)
     wide = [name for name, values in vars(run.trials).items() if values.shape[1:2] == (8,)]
     short = {name: getattr(run.trials, name)[:, :5] for name in wide}
     folder = changed(runs.large, **short)
@@ -221,9 +222,9 @@ def test_points_are_taken_at_the_readings_that_all_runs_have(runs, tmp_path, cha
     assert group.readings == 5
     by_folder = {point.entry.folder: point for point in points(group)}
     point = by_folder[runs.small]
-    assert point.error == results.load(runs.small).summary["error_mm"][4]
+    assert point.error == load(runs.small).summary["error_mm"][4]
     assert point.low < point.error < point.high
-    assert point.settled == score.settled_by(results.load(runs.small).trials.right[:, :5], 0.95)
+    assert point.settled == score.settled_by(load(runs.small).trials.right[:, :5], 0.95)
 
 
 TASKS = {
@@ -305,7 +306,7 @@ def test_seeds_are_pooled_as_the_table_pools_them_and_apart_on_request(seeds, tm
     (task,) = protocol["tasks"]
     (run,) = task["runs"]
     assert (run["scans"], run["trials"]) == (3, 12)
-    (one,) = pool(results.load(seed) for seed in seeds)
+    (one,) = pool(load(seed) for seed in seeds)
     for name in ("accuracy", "error_mm"):
         found = figure_of(one, f"{name}@5")
         shown = [part[4] for part in run["figures"][name]]
@@ -455,14 +456,14 @@ def test_where_the_estimate_is_drawn_has_the_placement_error(runs):
 
 
 def test_a_trial_that_comes_out_differently_is_marked(runs, changed):
-    run = results.load(runs.large)
+    run = load(runs.large)
     pose = run.trials.pose + 0.5
     (one,), _ = replay.replay_all(collect(loaded([changed(runs.large, pose=pose)])), {})
     assert not any(trial.same for trial in one.recognitions)
 
 
 def test_typical_and_hardest_are_the_median_and_the_last_to_settle(runs, changed):
-    run = results.load(runs.small)
+    run = load(runs.small)
     n, r = run.trials.label.shape
     right = np.arange(r)[None, :] >= np.arange(n)[:, None] % 7
     right[5, :-1] = False
@@ -501,7 +502,7 @@ def test_an_object_that_was_not_trained_is_said_to_be_explained_badly(tmp_path, 
 
 
 def test_a_method_that_was_written_in_a_notebook_is_in_the_legend(runs):
-    run = results.load(runs.small)
+    run = load(runs.small)
     run = replace(run, config=run.config | {"estimator": "__main__:Mine"})
     (group,) = collect([(runs.small, run)])
     (legend,) = readings_figure(group).legends

@@ -10,7 +10,8 @@ import pytest
 from made_up import make_run
 
 from tactsim.bench.machine import peak_memory_mb
-from tactsim.bench.results import load, save
+from tactsim.bench.results import save
+from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError
 

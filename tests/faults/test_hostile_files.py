@@ -22,6 +22,7 @@ from tactsim.bench.report.curves import tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.write import find
 from tactsim.bench.runs.pooled import collect
+from tactsim.bench.runs.saved import load
 from tactsim.core import Pad, Scan
 from tactsim.core.errors import InputError
 from tactsim.core.reading import Reading
@@ -152,7 +153,7 @@ def read_scan(path):
 
 
 def read_run(path):
-    groups = collect((folder, results.load(folder)) for folder in find([path.parent])[0])
+    groups = collect((folder, load(folder)) for folder in find([path.parent])[0])
     run = groups[0].entries[0].run
     compare(GOOD["good run"], run)
     compare(run, run)
@@ -212,7 +213,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(name, count, tmp_path):
 
 @pytest.fixture
 def copied_run(run_folder, tmp_path):
-    GOOD["good run"] = results.load(run_folder)
+    GOOD["good run"] = load(run_folder)
     folder = tmp_path / "sweep" / "runs" / "run"
     folder.mkdir(parents=True)
     for path in run_folder.iterdir():

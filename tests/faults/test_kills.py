@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from tactsim.bench import results
+from tactsim.bench.runs.saved import load
 from tactsim.core import Scan
 from tactsim.hardware.recording import Kind, RecordReader, check_whole
 
@@ -61,7 +61,7 @@ def check_scan(out):
 
 def check_sweep(out):
     for place in (out / "runs").glob("[!.]*"):
-        assert results.load(place).trials.label.shape == (60, 3)
+        assert load(place).trials.label.shape == (60, 3)
 
 
 COMMANDS = {

@@ -9,7 +9,7 @@ from command_line import refused
 
 import tactsim
 from tactsim.bench.experiment import perform
-from tactsim.bench.results import load
+from tactsim.bench.runs.saved import load
 from tactsim.core import InputError
 from tactsim.estimators import registry
 from tactsim.solids.kind import space_config

@@ -8,7 +8,8 @@ from made_up_space import make_space_run
 
 from tactsim.bench import formats
 from tactsim.bench.placement import certainty, normalised_error
-from tactsim.bench.results import load, task_name
+from tactsim.bench.results import task_name
+from tactsim.bench.runs.saved import load
 from tactsim.core import InputError, rigid
 from tactsim.estimators import Estimate, PoseSamples
 from tactsim.solids import SpaceOptions

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from made_up import make_run
 
 from tactsim.bench.leaderboard.bundle import kept, read_bundle, rounded, write_bundle
-from tactsim.bench.results import load
+from tactsim.bench.runs.saved import load
 from tactsim.bench.score import Scored, summarise
 from tactsim.bench.trials import Trials
 from tactsim.core import InputError

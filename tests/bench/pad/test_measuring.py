@@ -8,7 +8,7 @@ from command_line import refused, wait_until
 
 import tactsim
 from tactsim.bench.pad import measured_scan, poses_to_press, recording_of
-from tactsim.bench.results import load
+from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import OneTrial, TrialPlan, TrialRules
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions

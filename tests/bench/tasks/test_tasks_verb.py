@@ -5,7 +5,7 @@ import json
 import pytest
 from command_line import refused
 
-from tactsim.bench import results
+from tactsim.bench.runs.saved import load
 from tactsim.bench.tasks import names, task
 
 OWN = """
@@ -58,7 +58,7 @@ def test_a_run_of_a_task_says_so(here, own, tmp_path):
     ran = here("run", "--task", own.name, "--estimator", "nearest", "--seed", "3", "--out", "run")
     assert ran.returncode == 0, ran.stderr
     assert f"task {own.name}; I O: 2 trials each" in ran.stdout
-    run = results.load(tmp_path / "run")
+    run = load(tmp_path / "run")
     assert (run.task, run.seed, run.readings, run.config["trials"]) == (own.name, 3, 3, 2)
     answer = json.loads(here("run", "--task", own.name, "--estimator", "nearest", "--json").stdout)
     assert (answer["task"], answer["seed"], answer["letters"]) == (own.name, 0, ["I", "O"])
@@ -71,7 +71,7 @@ def test_a_shorter_look_says_that_it_is_no_result(here, own, tmp_path):
     assert ran.returncode == 0, ran.stderr
     assert "a look at task two-v1.toml" in ran.stderr
     assert json.loads(ran.stdout)["task"] is None
-    assert results.load(tmp_path / "run").task is None
+    assert load(tmp_path / "run").task is None
 
 
 @pytest.mark.parametrize(
