@@ -27,8 +27,7 @@ from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.core.workers import process_map
 from tactsim.models import Letter
-from tactsim.press.engine import check_flat
-from tactsim.press.press_model import PressModel
+from tactsim.press.press_model import PressModel, check_flat
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.sensor import EFFECTS, Frames, SensorOptions, gains, take

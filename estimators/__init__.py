@@ -7,9 +7,10 @@ what every estimator, also one of a package of its own, must keep. Does not live
 `tactsim` it sees only `core`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from tactsim.estimators.estimator import (
     NONE,
-    BatchEstimator,
     Estimate,
     Estimator,
     Options,
@@ -20,6 +21,9 @@ from tactsim.estimators.estimator import (
 )
 from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 from tactsim.estimators.registry import create, names
+
+if TYPE_CHECKING:
+    from tactsim.estimators.batch_estimator import BatchEstimator
 
 __all__ = [
     "NONE",
@@ -36,3 +40,11 @@ __all__ = [
     "create",
     "names",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "BatchEstimator":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from tactsim.estimators.batch_estimator import BatchEstimator  # no run without a learned method needs it
+
+    return BatchEstimator

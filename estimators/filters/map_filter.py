@@ -29,12 +29,12 @@ from tactsim.estimators.estimator import (
     check_order,
     check_reading,
 )
-from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, PlainField, field_of
+from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, field_of
 from tactsim.estimators.filters.grid import StateGrid, state_grid
 from tactsim.estimators.filters.states import WeightedStates, likeliest_view, plane_cells, plane_histogram
 from tactsim.estimators.frames import Frames, reach_on_object
 from tactsim.estimators.likelihoods import likelihood
-from tactsim.estimators.likelihoods.likelihood import Likelihood
+from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap, learn_maps_by
 from tactsim.estimators.options import FilterOptions, OpenSetOptions, reach_of, wants_pad_fit
 
@@ -392,7 +392,7 @@ class MapFilter(Estimator):
 
     def _ignored(self) -> dict[str, int]:
         """Count the readings that a measurement model said are impossible everywhere, if it is one that may."""
-        return {"ignored_readings": self.field.ignored} if isinstance(self.field, PlainField) else {}
+        return {} if isinstance(self.likelihood, TaxelSum) else {"ignored_readings": self.field.ignored}
 
     # What a belief that moves beside the filter's own asks of it (`moving.MovingBelief`), as of `Synthesis` too.
 

@@ -13,7 +13,7 @@ from pydantic import Field
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, PoseSamples, probabilities
-from tactsim.estimators.field.field import PlainField
+from tactsim.estimators.field.plain_field import PlainField
 from tactsim.estimators.filters.map_filter import MapFilter
 from tactsim.estimators.filters.particle_kernels import draw, move, parzen_mode
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, shared, uniform_states

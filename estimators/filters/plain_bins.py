@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
-from tactsim.estimators.field.field import LikelihoodField, PlainField
+from tactsim.estimators.field.field import LikelihoodField
+from tactsim.estimators.field.plain_field import PlainField
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import Cells, Limits, least_chosen

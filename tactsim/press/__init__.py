@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tactsim.attach.attached_pad import AttachedPad, attach, bind
     from tactsim.attach.pad_reader import PadReader, PadReading
     from tactsim.models import Letter
-    from tactsim.press.engine import Press, press_letter
+    from tactsim.press.one_press import Press, press_letter
     from tactsim.press.press_model import PressModel, forward_model
     from tactsim.press.scan_options import WORLDS, PressOptions, ScanOptions
     from tactsim.press.scanning import scan_letters
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _HOME = {
     "attach.attached_pad": ("AttachedPad", "attach", "bind"),
     "attach.pad_reader": ("PadReader", "PadReading"),
-    "press.engine": ("Press", "press_letter"),
+    "press.one_press": ("Press", "press_letter"),
     "press.press_model": ("PressModel", "forward_model"),
     "press.scan_options": ("PressOptions", "ScanOptions", "WORLDS"),
     "press.scanning": ("scan_letters",),
@@ -84,7 +84,7 @@ class CallablePackage(ModuleType):
         Raises InputError for an unknown letter, or if the pose is not three finite numbers.
         """
         from tactsim import models
-        from tactsim.press.engine import press_letter
+        from tactsim.press.one_press import press_letter
 
         return press_letter(
             models.letter(letter) if isinstance(letter, str) else letter, pose, options, rng, rotation

@@ -21,18 +21,28 @@ from tactsim.core.poses import FloatArray, compose
 from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
 from tactsim.models import Letter
-from tactsim.press.engine import check_flat
+from tactsim.press.engine import engine_for
 from tactsim.press.exact import outline, springs
 from tactsim.press.scan_options import ScanOptions
 from tactsim.press.scanning import letters_of
 from tactsim.press.spread import felt_along
-from tactsim.press.touches import log_spread
+from tactsim.press.touches import Touches, log_spread
 
 # of the tables of what a taxel feels; linear between them, which costs 5e-5 of a pressure
 _NODES_PER_SIGMA = 50
 # of the load spread evenly over the pad: of a pad without noise nobody could begin to search
 _LEAST_NOISE = 0.01
 _MOTIONS = 3  # of the derivatives, the first three are the sensor's own motions
+
+
+def check_flat(letter: Letter, options: ScanOptions) -> None:
+    """Raise InputError unless the forward model can press the letter: a flat face on springs, at rest."""
+    engine = engine_for(Touches.of(letter, np.zeros((1, 3))), options)
+    if options.press.dynamics == "full" or letter.rounding or engine not in ("exact", "bed"):
+        raise InputError(
+            f"the forward model presses flat faces with sharp edges on springs, at rest; {letter.name!r} is pressed "
+            f"otherwise here"
+        )
 
 
 class PressModel:

@@ -9,7 +9,7 @@ from synthetic import draw_trial, follow, make_scan, model_of, paper_poses
 from tactsim.core import InputError, plug_ins
 from tactsim.estimators import Likelihood, create
 from tactsim.estimators.contract import LIKELIHOOD_CHECKS, LikelihoodCase
-from tactsim.estimators.field.field import PlainField
+from tactsim.estimators.field.plain_field import PlainField
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.trust import Trust
 from tactsim.estimators.likelihoods import likelihood
