@@ -20,9 +20,7 @@ from tactsim.bench.trials import (
     Progress,
     Trials,
     fit,
-    received_trials,
     run_trials,
-    send_trials,
     silent,
     source_of_trials,
 )
@@ -64,6 +62,7 @@ def perform(
     tasks = trials or kind.tasks(config, gathered)
 
     if jobs > 1:
+        from tactsim.bench.sent_trials import received_trials, send_trials
         from tactsim.core.workers import worker_processes
     fitting = perf_counter()
     with nullcontext() if jobs == 1 else worker_processes(min(jobs, len(tasks))) as executor:

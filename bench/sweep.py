@@ -26,14 +26,13 @@ from tactsim.bench.experiment import Config, Gathered, estimator_of, finished_ru
 from tactsim.bench.kinds import OF_THE_METHOD
 from tactsim.bench.results import Run
 from tactsim.bench.runs.saved import load, sweep_order
+from tactsim.bench.sent_trials import received_trials, send_trials
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
     OneTrial,
     Progress,
     TrialPlan,
     Trials,
-    received_trials,
-    send_trials,
     silent,
     source_of_trials,
 )

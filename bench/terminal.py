@@ -5,11 +5,10 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import groupby
 from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -26,12 +25,9 @@ from rich.table import Table
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.results import Run, picture_names, task_name
 from tactsim.bench.runs import paper
-from tactsim.bench.score import BESIDE, CURVES, figures
+from tactsim.bench.score import figures
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
-
-if TYPE_CHECKING:
-    from tactsim.bench.exact_bayes import Bound
 
 STAGES = {
     "press": "pressing",
@@ -134,7 +130,7 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(f"with {', '.join(others)}")
     for line in headline(run):
         console.print(line, style="bold")
-    rows = _rows(run.readings, ROWS) if verbose else _rows(run.readings)
+    rows = rows_of(run.readings, ROWS) if verbose else rows_of(run.readings)
     console.print(_table(run, rows, verbose))
     right = f"right: share of the trials that name the {run.thing}"
     console.print(f"{right}; error: how far from its true place they put it, mean over those named rightly")
@@ -155,7 +151,8 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(line)
 
 
-def _rows(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
+def rows_of(readings: int, wanted: Sequence[int] = SHORT) -> list[int]:
+    """Choose the rows of a table over so many readings: those wanted that there are, and the last."""
     return sorted({row for row in (*wanted, readings) if row <= readings})
 
 
@@ -200,27 +197,6 @@ def print_places(run: Run, folder: Path) -> None:
     report = f"bench report {shlex.quote(str(folder))}  # one page: how sure it is, what it mixes up, a trial"
     for line in (report, *run.kind.nexts(run)):
         console.print(f"next     {line}", soft_wrap=True)
-
-
-def print_sweep(places: list[Path]) -> None:
-    """Print one line a method, a table for each protocol and task: only what may be compared shares a table.
-
-    Runs that differ in the seed alone share a line, with intervals over scans and trials.
-    """
-    from tactsim.bench.runs import tables
-    from tactsim.bench.runs.pooled import pool
-
-    console = plain_console()
-    pooled = groupby(pool(map(Run.load, places)), key=lambda one: (one.protocol, one.task))
-    for (protocol, task), grouped in pooled:
-        pools = list(grouped)
-        console.print(protocol, style="bold", end="; ")
-        console.print(f"{task}; {tables.made_of(pools)}")
-        head, *rows = tables.plain_rows(pools, [*tables.usual_figures(pools), "ms"])
-        table = plain_table(*head)
-        for row in rows:
-            table.add_row(*row)
-        console.print(table)
 
 
 def details(run: Run) -> list[str]:
@@ -273,40 +249,13 @@ def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
             str(row),
             f"{values['accuracy'][k]:.3f}",
             f"{values['accuracy_low'][k]:.3f} - {values['accuracy_high'][k]:.3f}",
-            *(_number(values[name][k], known[name].digits or 0) for name in shown),
+            *(number(values[name][k], known[name].digits or 0) for name in shown),
         )
     return table
 
 
-def print_bound(found: Bound) -> None:
-    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bound where readings determine the pose."""
-    console, values = plain_console(), found.as_json()
-    console.print("the best possible", style="bold", end="; ")
-    console.print(
-        f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
-        f"seed {values['seed']}"
-    )
-    heads = (CURVES["accuracy"].column, CURVES["error_mm"].column, BESIDE["bound_mm"].column)
-    table = plain_table("readings", *heads, "trials", words=0)
-    for reading in _rows(values["readings"], ROWS):
-        k = reading - 1
-        table.add_row(
-            str(reading),
-            _number(values["bayes_accuracy"][k], 3),
-            _number(values["bayes_error_mm"][k], 3),
-            _number(values["bound_mm"][k], 3),
-            f"{values['determined'][k]:.3f}",
-        )
-    console.print(table)
-    if values["no_bayes"]:
-        console.print(f"no exact Bayes: {values['no_bayes']}")
-    console.print(
-        "right, error: of exact Bayes, which knows the press; Cramer-Rao bound: over the share `trials` of trials "
-        f"whose readings determine the pose to {values['determined_below_mm']:.2g} mm; -: such trials are too few"
-    )
-
-
-def _number(value: float | None, digits: int) -> str:
+def number(value: float | None, digits: int) -> str:
+    """Write a figure of a table, or that there is none."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 

@@ -5,19 +5,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import pickle
-import threading
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, Future
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 from itertools import groupby
 from time import process_time
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +27,7 @@ from tactsim.core.errors import short
 from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import source_digest
-from tactsim.estimators import NONE, Estimate, Estimator, create
+from tactsim.estimators import NONE, Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work
 from tactsim.estimators.registry import load
 
@@ -511,7 +506,7 @@ def _evaluations(estimator: Estimator) -> int:
     return flatten_work(estimator.work).get("likelihood_evaluations", 0)
 
 
-def _compile_for(kind: type[Estimator]) -> None:
+def compile_for(kind: type[Estimator]) -> None:
     """Compile the inner loops of the room that an estimator is of: none is compiled in the middle of a trial."""
     compile_waiting("tactsim.estimators")
     compile_waiting(".".join(kind.__module__.split(".")[:2]))
@@ -529,14 +524,11 @@ def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel
             f"the readings are in {unit}; {name} presses the letters "
             "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
         )
-    _compile_for(type(estimator))
+    compile_for(type(estimator))
     with no_exit(name):
         if forward is not None and estimator.uses_forward_model:
             estimator.bring(forward(scan))
         estimator.fit(scan)
-
-
-TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -581,37 +573,6 @@ class TrialPlan:
             return estimator, trained
         return estimator.without(truth, self.scan), tuple(letter for letter in trained if letter != truth)
 
-    def fitted(self) -> Estimator:
-        """Make the estimator and fit it.
-
-        Raises InputError as `fit` does, and if it does not exist, or was given and cannot be made in another process.
-        """
-        if isinstance(self.given, bytes):
-            try:
-                estimator: Estimator = pickle.loads(self.given)
-            except Exception as error:  # a user's class may raise anything when it is unpickled
-                raise _not_portable(self.estimator, error) from error
-        else:
-            estimator = create(self.estimator, **self.options) if self.given is None else self.given
-        fit(estimator, self.scan, self.forward)
-        return estimator
-
-    def portable(self) -> TrialPlan:
-        """Return a plan that can be sent to worker processes. Raises InputError if the estimator cannot be."""
-        if self.given is None or isinstance(self.given, bytes):
-            return self
-        try:
-            return replace(self, given=pickle.dumps(self.given))
-        except Exception as error:  # a user's class may raise anything when it is pickled
-            raise _not_portable(self.estimator, error) from error
-
-    @property
-    def digest(self) -> str:
-        """Identify the fitted estimator by what it depends on: its name, its options, the scan."""
-        options = json.dumps(self.options, sort_keys=True, default=str)
-        given = hashlib.sha256(self.given).hexdigest() if isinstance(self.given, bytes) else ""
-        return f"{self.estimator} {options} {self.scan.digest} {given}"
-
 
 def source_of_trials(estimator: str | Estimator) -> str:
     """Hash the source code that trials of an estimator may depend on: tactsim's, and that of the estimator's packages.
@@ -626,13 +587,6 @@ def _kinds(estimator: Estimator) -> list[type[Estimator]]:
     """List the class of an estimator and of those that it wraps."""
     inner = [value for value in vars(estimator).values() if isinstance(value, Estimator)]
     return [type(estimator), *(kind for one in inner for kind in _kinds(one))]
-
-
-def _not_portable(name: str, error: Exception) -> InputError:
-    return InputError(
-        f"a worker process cannot make the estimator {name} ({type(error).__name__}: {error}); "
-        "define its class in a module that can be imported, or use jobs=1"
-    )
 
 
 def run_trials(
@@ -661,52 +615,3 @@ def run_trials(
             work.update(flatten_work(fitted.work))
             work.subtract(before)
     return Trials.joined(done), unflatten_work(work)
-
-
-def send_trials(
-    executor: Executor, plan: TrialPlan, tasks: Sequence[OneTrial], parts: int
-) -> list[tuple[int, TrialsDone]]:
-    """Let worker processes begin with trials; they fit estimators of their own, and the results are the same.
-
-    parts: how many at most. Where each letter is held out, its trials are sent together, since they share an estimator
-    that was fitted without it. Returns for each part how many trials it has, and what will be its result. Raises
-    InputError for an estimator that cannot be sent.
-    """
-    from tactsim.core.workers import batches
-
-    plan = plan.portable()
-    if plan.given is None:
-        _compile_for(load(plan.estimator))  # once, not in each of them
-    if plan.rules.each_held_out:
-        divided = [list(alike) for _, alike in groupby(tasks, key=lambda task: task.truth)]
-    else:
-        divided = batches(tasks, parts)
-    return [(len(part), executor.submit(run_part, plan, part)) for part in divided]
-
-
-def received_trials(
-    sent: Sequence[tuple[int, TrialsDone]], progress: Progress
-) -> tuple[Trials, dict[str, Any]]:
-    """Wait for trials that were sent; returns them in their order, and the estimators' work, summed.
-
-    Raises what a trial raised, as soon as it did, and concurrent.futures.BrokenExecutor if a worker died.
-    """
-    from tactsim.core.workers import wait_for
-
-    results = wait_for(sent, lambda done, total: progress("trials", done, total))
-    work: Counter[str] = Counter()
-    for _, of_part in results:
-        work.update(flatten_work(of_part))
-    return Trials.joined(trials for trials, _ in results), unflatten_work(work)
-
-
-def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[str, Any]]:
-    """Do some trials in a worker; the estimator that it fitted last does the parts of one plan that follow."""
-    digest = plan.digest
-    if getattr(_last, "digest", None) != digest:
-        _last.estimator, _last.digest = plan.fitted(), digest
-    return run_trials(plan, _last.estimator, tasks, progress=silent)
-
-
-# What a worker fitted last. A worker of Dask may have several threads, each with its own.
-_last = threading.local()

@@ -13,8 +13,10 @@ from tactsim.bench.cli.shared_options import Words, key_values, with_options_of
 from tactsim.bench.config import ScanWords, run_config
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.places import check_new_file, saved
+from tactsim.core.errors import counted
 
 if TYPE_CHECKING:
+    from tactsim.bench.exact_bayes import Bound
     from tactsim.bench.stress import Outcome
     from tactsim.core import Scan
 
@@ -40,7 +42,7 @@ def command_bound(
 
     from tactsim.bench.exact_bayes import find_bound
     from tactsim.bench.results import to_json
-    from tactsim.bench.terminal import print_bound, progress_bars
+    from tactsim.bench.terminal import progress_bars
     from tactsim.core.files import write_bytes
 
     if out is not None:
@@ -59,9 +61,40 @@ def command_bound(
         if as_json:
             typer.echo(to_json(found.as_json()), nl=False)
             return
-        print_bound(found)
+        _print_bound(found)
         if place is not None:
             typer.echo(f"picture  {place}")
+
+
+def _print_bound(found: Bound) -> None:
+    """Print the best possible by reading: exact Bayes, and the Cramer-Rao bound where readings determine the pose."""
+    from tactsim.bench.score import BESIDE, CURVES
+    from tactsim.bench.terminal import ROWS, number, rows_of
+
+    console, values = plain_console(), found.as_json()
+    console.print("the best possible", style="bold", end="; ")
+    console.print(
+        f"{' '.join(values['letters'])}: {counted(values['trials'], 'trial')} each, {values['protocol']}, "
+        f"seed {values['seed']}"
+    )
+    heads = (CURVES["accuracy"].column, CURVES["error_mm"].column, BESIDE["bound_mm"].column)
+    table = plain_table("readings", *heads, "trials", words=0)
+    for reading in rows_of(values["readings"], ROWS):
+        k = reading - 1
+        table.add_row(
+            str(reading),
+            number(values["bayes_accuracy"][k], 3),
+            number(values["bayes_error_mm"][k], 3),
+            number(values["bound_mm"][k], 3),
+            f"{values['determined'][k]:.3f}",
+        )
+    console.print(table)
+    if values["no_bayes"]:
+        console.print(f"no exact Bayes: {values['no_bayes']}")
+    console.print(
+        "right, error: of exact Bayes, which knows the press; Cramer-Rao bound: over the share `trials` of trials "
+        f"whose readings determine the pose to {values['determined_below_mm']:.2g} mm; -: such trials are too few"
+    )
 
 
 _WHAT = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
@@ -31,7 +32,7 @@ def command_sweep(
     """Do many runs; a sweep that was stopped goes on with those that are missing when it is started again."""
     from tactsim.bench import sweep
     from tactsim.bench.machine import cores
-    from tactsim.bench.terminal import print_sweep, progress_bars
+    from tactsim.bench.terminal import progress_bars
 
     name, configs = sweep.read(source, also or ())
     folder = out or SWEEPS / name
@@ -41,8 +42,30 @@ def command_sweep(
         places = sweep.perform(
             configs, folder, jobs=jobs or cores(), pool=pool, cache=cache, progress=progress
         )
-    print_sweep(places)
+    _print_sweep(places)
     plain_console().print(f"results  {folder}")
+
+
+def _print_sweep(places: list[Path]) -> None:
+    """Print one line a method, a table for each protocol and task: only what may be compared shares a table.
+
+    Runs that differ in the seed alone share a line, with intervals over scans and trials.
+    """
+    from tactsim.bench.results import Run
+    from tactsim.bench.runs import tables
+    from tactsim.bench.runs.pooled import pool
+
+    console = plain_console()
+    pooled = groupby(pool(map(Run.load, places)), key=lambda one: (one.protocol, one.task))
+    for (protocol, task), grouped in pooled:
+        pools = list(grouped)
+        console.print(protocol, style="bold", end="; ")
+        console.print(f"{task}; {tables.made_of(pools)}")
+        head, *rows = tables.plain_rows(pools, [*tables.usual_figures(pools), "ms"])
+        table = plain_table(*head)
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
 
 
 def command_report(

@@ -19,6 +19,7 @@ from tactsim.bench.placement import Properties
 from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import errors, settled_at
+from tactsim.bench.sent_trials import fit_plan
 from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, Trials, check_readings, run_trial
 from tactsim.core import Scan, compose, invert, transform
 from tactsim.core.checking import checked
@@ -124,7 +125,7 @@ def replay_all(
 
 def _replay(entry: Pooled, tasks: Mapping[str, OneTrial], scans: dict[str, Scan]) -> Replayed:
     plan = entry.run.plan or _plan_anew(entry, tasks, scans)
-    estimator = plan.fitted()
+    estimator = fit_plan(plan)
     recognitions = tuple(
         _recognition(entry, one) for one in do_again(plan, tasks, estimator, entry.run.objects)
     )

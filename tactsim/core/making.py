@@ -1,20 +1,20 @@
-"""Scans made of arrays in the forms in which people have them, and of two scans."""
+"""Scans made of arrays in the forms in which people have them, and of two scans; and trials drawn from one."""
 
 from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import version
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.core.errors import InputError, short
-from tactsim.core.pad import Pad, pitch
-from tactsim.core.poses import FloatArray
+from tactsim.core.pad import Pad, offsets, pitch
+from tactsim.core.poses import FloatArray, compose, invert
 from tactsim.core.provenance import IN_KPA, spdx_name
 from tactsim.core.scan import MOST_TURNED, OF_PRESSES, Scan
 
@@ -138,6 +138,48 @@ def _joined_entries(first: Scan, second: Scan) -> dict[str, Any]:
         before, after = halves["presses"]
         halves["presses"] = [before, after + before.max(initial=-1) + 1]
     return {name: np.concatenate(arrays) for name, arrays in halves.items()}
+
+
+class Batch(NamedTuple):
+    """Trials as a method meets them, and what it is to find out.
+
+    readings: (trials, readings, taxels), in the scan's unit. sensor_in_robot: (trials, readings, 3) mm, mm, rad.
+    letter: (trials,) the index in the scan's `letters`. robot_in_object: (trials, 3) mm, mm, rad.
+    """
+
+    readings: FloatArray
+    sensor_in_robot: FloatArray
+    letter: NDArray[np.int64]
+    robot_in_object: FloatArray
+
+
+def batches(scan: Scan, trials: int, readings: int, rng: np.random.Generator, split: str) -> Iterator[Batch]:
+    """Draw trials as `Scan.batches` says."""
+    if scan.kind != "plane":
+        raise InputError("scan: batches are of objects in the plane")
+    half = scan.where(split)
+    letter = np.array([scan.letters.index(label) for label in half.labels.tolist()], dtype=np.int64)
+    rows_of = {number: np.flatnonzero(letter == number) for number in np.unique(letter).tolist()}
+    fewest = min(map(len, rows_of.values()), default=0)
+    if trials < 1 or not 1 <= readings <= fewest:
+        raise InputError(
+            f"scan: batches of {short(trials)} trials with {short(readings)} readings each; give at least 1 of "
+            f"both, and at most {fewest} readings, which an object has to {split}"
+        )
+    return _drawn(half, rows_of, trials, readings, rng)
+
+
+def _drawn(
+    scan: Scan, rows_of: dict[int, NDArray[np.intp]], trials: int, readings: int, rng: np.random.Generator
+) -> Iterator[Batch]:
+    """Draw batches from all readings of a scan. rows_of: those of each object, by its number."""
+    reach = np.array([offsets(scan.taxel_xy)] * 2 + [np.pi])
+    while True:
+        hidden = rng.choice(list(rows_of), size=trials)
+        rows = np.array([rng.choice(rows_of[number], readings, replace=False) for number in hidden.tolist()])
+        robot_in_object = rng.uniform(-reach, reach, (trials, 3))
+        sensor_in_robot = compose(invert(robot_in_object)[:, None], scan.poses[rows])
+        yield Batch(scan.readings[rows], sensor_in_robot, hidden, robot_in_object)
 
 
 def check_pose_units(poses: FloatArray, taxel_xy: FloatArray) -> None:

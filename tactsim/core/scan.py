@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
-from tactsim.core.poses import POSE, FloatArray, compose, invert, spread_out
+from tactsim.core.poses import POSE, FloatArray, spread_out
 from tactsim.core.provenance import check_statements, spdx_name, statements
 
 if TYPE_CHECKING:
+    from tactsim.core.making import Batch
     from tactsim.core.pad import Pad
 
 SPLITS = ("train", "test")
@@ -27,19 +28,6 @@ _SEQUENCE = ("sequence", "sequence_times", "sequence_force")
 OF_PRESSES = ("loads", "presses", "moments", "views")
 _LONGEST_NAME = 100  # characters of a label
 MOST_TURNED = 4 * np.pi  # rad: two turns each way are more than a wrist makes
-
-
-class Batch(NamedTuple):
-    """Trials as a method meets them, and what it is to find out.
-
-    readings: (trials, readings, taxels), in the scan's unit. sensor_in_robot: (trials, readings, 3) mm, mm, rad.
-    letter: (trials,) the index in the scan's `letters`. robot_in_object: (trials, 3) mm, mm, rad.
-    """
-
-    readings: FloatArray
-    sensor_in_robot: FloatArray
-    letter: NDArray[np.int64]
-    robot_in_object: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -312,17 +300,9 @@ class Scan:
 
         Raises InputError for a scan of another kind, a number below 1, and an object with fewer readings.
         """
-        if self.kind != "plane":
-            raise InputError("scan: batches are of objects in the plane")
-        half = self.where(split)
-        letter = np.array([self.letters.index(label) for label in half.labels.tolist()], dtype=np.int64)
-        fewest = int(np.bincount(letter)[np.unique(letter)].min(initial=len(half)))
-        if trials < 1 or not 1 <= readings <= fewest:
-            raise InputError(
-                f"scan: batches of {short(trials)} trials with {short(readings)} readings each; give at least 1 of "
-                f"both, and at most {fewest} readings, which an object has to {split}"
-            )
-        return _drawn(half, letter, trials, readings, rng)
+        from tactsim.core.making import batches
+
+        return batches(self, trials, readings, rng, split)
 
     def licensed(self, licence: str) -> Scan:
         """State the licence of the readings, by its SPDX name.
@@ -390,22 +370,6 @@ class Scan:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-
-
-def _drawn(
-    scan: Scan, letter: NDArray[np.int64], trials: int, readings: int, rng: np.random.Generator
-) -> Iterator[Batch]:
-    """Draw the batches of `Scan.batches` from all readings of a scan. letter: (n,) the number of each one's object."""
-    from tactsim.core.pad import offsets  # brings pydantic, which a scan does without
-
-    reach = np.array([offsets(scan.taxel_xy)] * 2 + [np.pi])
-    rows_of = {number: np.flatnonzero(letter == number) for number in np.unique(letter).tolist()}
-    while True:
-        hidden = rng.choice(list(rows_of), size=trials)
-        rows = np.array([rng.choice(rows_of[number], readings, replace=False) for number in hidden.tolist()])
-        robot_in_object = rng.uniform(-reach, reach, (trials, 3))
-        sensor_in_robot = compose(invert(robot_in_object)[:, None], scan.poses[rows])
-        yield Batch(scan.readings[rows], sensor_in_robot, hidden, robot_in_object)
 
 
 def is_label(name: str) -> bool:

@@ -22,6 +22,7 @@ from tactsim.bench.report.recognition import Again, do_again, trials_to_show
 from tactsim.bench.results import Run
 from tactsim.bench.runs.figures import COLOURS, SOFT, Picture, draw_curve, over_readings, plain_log
 from tactsim.bench.score import Scored
+from tactsim.bench.sent_trials import fit_plan
 from tactsim.bench.trials import TrialPlan
 from tactsim.core import rigid
 from tactsim.core.checking import checked
@@ -265,7 +266,7 @@ SHOWN = 40  # poses of a belief
 def replay(run: Run) -> list[Again]:
     """Do a typical trial of a run and the hardest again. Raises InputError if its readings cannot be had again."""
     plan = run.plan or _plan_anew(run)
-    return do_again(plan, trials_to_show([run.trials]), plan.fitted(), run.objects)
+    return do_again(plan, trials_to_show([run.trials]), fit_plan(plan), run.objects)
 
 
 def beliefs(of: Again) -> FloatArray | None:
