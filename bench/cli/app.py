@@ -231,18 +231,19 @@ def _in_plain_words(error: TyperException) -> str:
         error.message = f"{plain(fault)}{given}"
         if choices := fault["msg"].partition(" is not one of ")[2]:  # as Typer says of a choice
             error.message = str(unknown("word", fault["input"], re.findall("'(.*?)'", choices)))
-    return error.format_message()
+    return error.format_message().rstrip(".")
 
 
 def _settings(error: TyperException) -> str:
-    """Say how an estimator's options, or those of a scan, are given, where a verb does not know an option."""
+    """Say how an estimator's options, or those of a scan, are given, where a verb does not know or misses a word."""
     context = getattr(error, "ctx", None)
-    if context is None or not hasattr(error, "option_name"):
+    if context is None or type(error).__name__ == "BadParameter":
         return ""
     if context.command.name == "bound":
         return ". Of other pads, shapes, noise and seeds: `bench scan`, and its file with --scan"
     takes = any("--set" in one.opts for one in context.command.params)
-    return ". An estimator's own options: --set NAME=VALUE" if takes else ""
+    own = ". An estimator's own options: --set NAME=VALUE" if takes and hasattr(error, "option_name") else ""
+    return f"{own}. `{context.command_path} --help` says what it takes"
 
 
 def fail(message: str, status: int = WRONG_INPUT) -> NoReturn:

@@ -275,5 +275,5 @@ def command_runs(folder: Path = typer.Argument(Path("results"), help="Where to l
 
 def _number(value: float | None) -> str:
     if value is None:
-        return "-"
+        return "later"
     return str(value) if isinstance(value, int) else f"{value:.4f}"

@@ -78,7 +78,7 @@ def _print_list(found: list[Task], best: dict[str, Best]) -> None:
 
 
 def _size(one: Task) -> str:
-    letters = f"{counted(len(one.letters), 'letter')}, " if one.letters else ""
+    letters = f"{counted(len(one.letters), 'object')}, " if one.letters else ""
     readings, seeds = counted(one.readings, "reading"), counted(len(one.seeds), "seed")
     return f"{letters}{counted(one.trials, 'trial')} each, {readings}, {seeds}"
 

@@ -42,6 +42,7 @@ def test_a_run_prints_its_table_and_leaves_its_files(bench, tmp_path):
 def test_an_option_that_is_no_list_is_given_once(here):
     refused(here("run", "--letters", "A", "--letters", "E"), "--letters is given twice; give it once")
     refused(here("table", "--to", "csv", "x", "--to", "latex"), "--to is given twice; give it once")
+    refused(here("compare", "x"), "Missing argument 'NEW...'. `bench compare --help` says what it takes")
 
 
 def test_a_count_has_no_point(here):
