@@ -15,7 +15,6 @@ from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
 from tactsim.estimators.field.table_field import TableField
-from tactsim.estimators.filters.binned import BinnedBelief
 from tactsim.estimators.filters.cells import (
     Cells,
     History,
@@ -36,6 +35,7 @@ from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
 
 if TYPE_CHECKING:
+    from tactsim.estimators.filters.binned import BinnedBelief
     from tactsim.estimators.filters.moving import MovingBelief
     from tactsim.estimators.filters.plain_bins import PlainBins
 
@@ -114,12 +114,20 @@ class RefinedFilter(GridFilter):
     def _fit(self) -> None:
         many = len(self.labels) * self.grid.bins > _MANY_BINS and self.likelihood.loads == 1
         self._coarse: CoarseBins | BinnedBelief | PlainBins
+        # The same, where it tells the best bin of each letter.
+        self._by_letter: CoarseBins | PlainBins | None = None
         if isinstance(self.field, TableField) and not many:
-            self._coarse = CoarseBins(self.field, self.grid, skip=self.options.skip)
-        else:
-            from tactsim.estimators.filters.plain_bins import bins_on
+            self._coarse = self._by_letter = CoarseBins(self.field, self.grid, skip=self.options.skip)
+        elif isinstance(self.field, TableField):
+            from tactsim.estimators.filters.binned import BinnedBelief
 
-            self._coarse = bins_on(self.field, self.grid, skip=self.options.skip)
+            self._coarse = BinnedBelief(self.field, self.grid, skip=self.options.skip)
+        else:
+            from tactsim.estimators.field.plain_field import PlainField
+            from tactsim.estimators.filters.plain_bins import PlainBins
+
+            assert isinstance(self.field, PlainField)
+            self._coarse = self._by_letter = PlainBins(self.field, self.grid)
         self._bins = bins_of(self.grid)
         self._limits = Limits(
             self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH, self.options.skip
@@ -144,7 +152,7 @@ class RefinedFilter(GridFilter):
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
         weight = self.trust(len(self.field))
-        if isinstance(self._coarse, BinnedBelief):
+        if self._by_letter is None:
             bins, left_alone = self._coarse.update(0.0, keep=max(_BEST_BINS, self.options.cells))
         else:
             bins, left_alone = self._coarse.update(_NEGLIGIBLE / weight, keep=self.options.cells)
@@ -171,8 +179,8 @@ class RefinedFilter(GridFilter):
         self._badly_explained += self._unexplained > 0 and self.moving is None
         # Of each letter's coarse bins, where letters are tempered.
         self._best = np.full(len(self.labels), -np.inf)
-        if self._unexplained and not isinstance(self._coarse, BinnedBelief):
-            self._best, more = self._coarse.best_of_letters()
+        if self._unexplained and self._by_letter is not None:
+            self._best, more = self._by_letter.best_of_letters()
             bins, self._left_alone = bins + more, self._left_alone - more
         self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
