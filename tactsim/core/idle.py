@@ -38,6 +38,9 @@ _NO_READING = {
 _NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
 _OVER = 16  # times as wide as beyond the end of 16 bits is the gap between counts that left them, and others
 _SELDOM = 0.05  # the most of its cells that fail where a taxel does not
+_MARKS = 4  # kinds of numbers for what was not measured that a pad may show within its range
+_MANY = 3  # cells that read one and the same number
+_FILLED = 20.0  # so many readings are missing beside those that would saturate
 _DRIFTS = 0.1  # of the typical rise
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 
@@ -119,7 +122,8 @@ def flickering(readings: ArrayLike) -> NDArray[np.bool_]:
 def _apart(values: FloatArray) -> NDArray[np.bool_]:
     """Find numbers for what was not measured, further from what their taxel and the others read than these lie apart.
 
-    Of the others the widest taxels, a twentieth and one at least, have no say: they may be broken.
+    Of the others the widest taxels, a twentieth and one at least, have no say: they may be broken. Of fifty presses or
+    more also those that `_within_range` finds.
     """
     marks = np.isin(values, list(_NO_READING))
     while marks.any():  # what lies within the others is a reading, from the innermost on
@@ -137,16 +141,63 @@ def _apart(values: FloatArray) -> NDArray[np.bool_]:
         if nearest > high - low:
             break
         marks &= beyond > nearest
+    for _ in range(_MARKS if len(values) >= _FEWEST else 0):
+        found = _within_range(np.where(marks, np.nan, values))
+        if not found.any():
+            break
+        marks |= found
     return marks
 
 
-def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
-    """Give readings (n, taxels) that left the range of 16 bits, 65530 for -6 or -32766 for 32770, as they were.
+def _within_range(values: FloatArray) -> NDArray[np.bool_]:
+    """Find numbers for what was not measured that a pad could read: one and the same, three times, where no other is.
 
-    Such are whole numbers, perhaps all times a constant, with a gap between, an eighth of the range (a half where none
-    is below 0), and hardly one from the largest over the end of the range to the least; a taxel reads now below and now
-    above it. One number alone may be that of failed cells, unless most taxels often read it and the others beside it.
-    Those beyond 16 bits may have left 24. Returns how many left it.
+    values: (n, taxels). At the end at which most taxels rest, those beyond what their own taxel reads at rest, 0 or -1
+    once, too; at both ends, those so far beyond all others that readings which only saturate would have filled the gap.
+    """
+    found, count = np.zeros(values.shape, dtype=bool), (~np.isnan(values)).sum(axis=0)
+    numbers, times = np.unique(values[~np.isnan(values)], return_counts=True)
+    if len(numbers) < _FEWEST or not count.all():
+        return found
+    ends = []
+    for sign in (1, -1):
+        own = np.sort(sign * values, axis=0)  # NaN last
+        again = (own == own[0]).sum(axis=0)
+        at = np.minimum([again, again + np.ceil(_SHARED * count).astype(int)], count - 1)
+        ends.append((own[0], again, *np.take_along_axis(own, at, axis=0)))
+    extent = -ends[0][2] - ends[1][2]
+    wide = _NARROW * np.quantile(extent, 0.9)
+    widths = [np.median((far - near)[extent >= _FELT / _NARROW * wide]) for *_, near, far in ends]
+    for sign, (first, again, near, far) in zip((1, -1), ends, strict=True):
+        apart = (near - first > np.maximum(4 * (far - near), wide)) & (far - near <= wide)
+        apart &= widths[0] * sign < widths[1] * sign
+        for number in np.unique(first[apart]):
+            cells, same = apart & (first == number), sign * values == number
+            enough = number in (0, -1) or 2 * again[cells].sum() >= max(2 * _MANY, again[apart].sum())
+            if enough and 4 * again[cells].sum() >= 3 * same.sum() and _are_few(same):
+                found |= same & cells
+        gap, often = abs(numbers[1] - numbers[0]), times[0]
+        beside = numbers[1:][np.cumsum(times[1:]) <= often]
+        filled = _FILLED * abs(beside[-1] - numbers[1]) if len(beside) else 0
+        if often >= _MANY and often * gap > filled and 2 * gap > abs(numbers[-1] - numbers[1]):
+            same = values == numbers[0]
+            found |= same & _are_few(same)
+        numbers, times = numbers[::-1], times[::-1]
+    return found
+
+
+def _are_few(cells: NDArray[np.bool_]) -> bool:
+    """Tell whether cells (n, taxels) are seldom in most taxels."""
+    return bool((cells.mean(axis=0) > _SELDOM).mean() <= _MOST)
+
+
+def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
+    """Give readings (n, taxels) that left the range of their bits, 65530 for -6 or -32766 for 32770, as they were.
+
+    Such are whole numbers of 8, 10, 12, 14, 16 or 24 bits, perhaps all times a constant, with a gap between, a half of
+    the range, or an eighth where some are below 0 or few left it, and hardly one from the largest over the end of the
+    range to the least; a taxel reads now below and now above it. One number alone may be that of failed cells, unless
+    most taxels often read it and the others beside it. Returns how many left it.
     """
     values = np.array(readings, dtype=float)
     numbers = np.unique(values[~np.isnan(values)])
@@ -159,11 +210,15 @@ def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
     if unit != 1:
         mended, count = unwrapped(np.round(values / unit))
         return (mended * unit, count) if count else (values, 0)
-    signed, bits = numbers[0] < 0, 16 if np.ptp(numbers) < 2**16 else 24
+    signed, bits = numbers[0] < 0, _bits(numbers)
     widest = int(np.diff(numbers).argmax())
     low, high = numbers[widest : widest + 2]
     over = numbers[0] + 2**bits - numbers[-1]  # from the largest to the least, beyond the end of the range
-    if high - low <= 2 ** (bits - 3 if signed else bits - 1) or _OVER * over > high - low:
+    low_side, high_side = low - numbers[0], numbers[-1] - high
+    few = 8 * high_side <= low_side  # what left the range, beside loads
+    doubtful = bits < 16 and not few and 8 * low_side > high_side  # saturated, perhaps
+    clear = 2 ** (bits - 3 if signed or few else bits - 1)
+    if high - low <= clear or _OVER * over > high - low or (doubtful and not signed):
         return values, 0
     away = (
         (values <= low if signed else values >= high)
@@ -177,11 +232,20 @@ def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
     return values, int(away.sum())
 
 
+def _bits(numbers: FloatArray) -> int:
+    """Tell of how many bits counts are by how far they reach."""
+    return next(bits for bits in (8, 10, 12, 14, 16, 24) if np.ptp(numbers) < 2**bits)
+
+
 def mending(readings: ArrayLike, count: int) -> str:
     """Say which counts of readings (n, taxels) `unwrapped` mends."""
-    if np.nanmin(np.asarray(readings)) < 0:  # of 16 bits, as the example says
-        return f"{count:,} counts above 32767 were stored with a sign, -32768 for 32768, and are mended"
-    return f"{count:,} counts below 0 were stored without a sign, 65535 for -1, and are mended"
+    numbers = np.unique(np.asarray(readings, dtype=float))
+    numbers = numbers[~np.isnan(numbers)] / (np.diff(numbers).min() if (numbers % 1).any() else 1)
+    end = 2 ** _bits(np.round(numbers))
+    if numbers[0] < 0:
+        end //= 2
+        return f"{count:,} counts above {end - 1} were stored with a sign, {-end} for {end}, and are mended"
+    return f"{count:,} counts below 0 were stored without a sign, {end - 1} for -1, and are mended"
 
 
 def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:

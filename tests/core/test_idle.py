@@ -177,9 +177,9 @@ def test_a_mistake_is_one_line(zero, frames, says):
 
 
 @pytest.mark.parametrize("turned", [1, -1])
-@pytest.mark.parametrize("mark", [65535.0, 9999.0, -9999.0, -32768.0])
+@pytest.mark.parametrize("mark", [65535.0, 9999.0, -9999.0, -32768.0, 0.0, 4095.0, 6553.5, -9999.25, 1e9])
 def test_presses_with_failed_cells_are_left_out_and_counted(turned, mark):
-    readings = np.round(3000 + turned * 20 * pressed())
+    readings = np.round(3000 + turned * 10 * pressed())
     failed = np.random.default_rng(1).random(readings.shape) < 0.01
     kept = ~failed.any(axis=1)
     taken, said = settled(scan_of(np.where(failed, mark, readings)))
@@ -230,19 +230,20 @@ def test_a_large_reading_among_others_is_no_failed_cell():
     ramp = np.linspace(0, 9999, 400).reshape(100, 4)
     assert not failed_cells(ramp).any()
     assert not failed_cells(np.where(np.arange(4) == 2, 65535.0, pressed()[:, :4])).any()  # a dead taxel
+    rising = np.round(3000 + 40 * pressed())
+    for saturated in (np.minimum(rising, 4095), np.where(rising < 3100, 0, rising), np.clip(rising, 2990, 3500)):
+        assert not failed_cells(saturated).any()
 
 
 @pytest.mark.parametrize("turned", [1, -1])
-@pytest.mark.parametrize(("bits", "unit"), [(16, 1.0), (24, 1.0), (16, 0.1)])
+@pytest.mark.parametrize(("bits", "unit"), [(8, 1.0), (10, 1.0), (12, 0.1), (16, 1.0), (24, 1.0), (16, 0.1)])
 def test_counts_below_0_without_a_sign_are_mended_and_counted(turned, bits, unit):
-    counts = np.round(turned * 20 * pressed())
+    counts = np.round(turned * 20 * pressed() / (10 if bits < 12 else 1))
     taken, said = settled(scan_of(np.mod(counts, 2.0**bits) * unit))
     right, also = settled(scan_of(counts * unit))
     assert np.allclose(taken.readings, right.readings)
-    assert (
-        said
-        == f"{(counts < 0).sum():,} counts below 0 were stored without a sign, 65535 for -1, and are mended; {also}"
-    )
+    lost = f"{(counts < 0).sum():,} counts below 0 were stored without a sign, {2**bits - 1} for -1"
+    assert said == f"{lost}, and are mended; {also}"
 
 
 def test_large_counts_are_not_taken_for_counts_below_0():
