@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -507,7 +508,7 @@ def named_rows(
     known = {name.lower(): name for name in (*kind.model_fields, "theta_deg")}
     known |= {theirs.lower(): name for name, theirs in (called or {}).items()}
     titles = (text_tables.title_cells(line) for line in lines[: text_tables.TITLE_WITHIN])
-    heads = [[known.get(cell.lower(), cell) for cell in cells] for cells in titles]
+    heads = [[known.get(cell.lower(), known.get(_spelt(cell), cell)) for cell in cells] for cells in titles]
     names = max(heads, key=lambda head: len({*head}.intersection(known.values())), default=[])
     if called and not {*names}.intersection(known.values()):
         raise InputError(f"{path}: no line names a column {' or '.join(map(repr, called.values()))}")
@@ -554,6 +555,11 @@ def named_rows(
                 name: row[at] if at in words else pointed[at] for at, name in enumerate(names[: len(row)])
             }
             yield where, {name: word for name, word in named.items() if name}
+
+
+def _spelt(cell: str) -> str:
+    """Spell a title as names of columns are: `X (mm)` as x_mm, `theta [°]` as theta_deg."""
+    return re.sub(r"\W+", "_", cell.lower().replace("°", "deg")).strip("_")
 
 
 def scan_of_intervals(

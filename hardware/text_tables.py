@@ -1,7 +1,7 @@
 """Tables of text as instruments, scripts and spreadsheets write them: presses, marks, recordings, idle readings.
 
-Between two cells stand semicolons, tabs, commas or blanks: the first of these that is in the line of names. Beside
-other marks than commas numbers may have decimal commas.
+Between two cells stand semicolons, tabs, bars, commas or blanks: the first of these that is in the line of names.
+Beside other marks than commas numbers may have decimal commas.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from itertools import chain, dropwhile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
 
 TITLE_WITHIN = 40  # lines, at whose end the names have stood
@@ -32,14 +32,22 @@ _UNIT_BEHIND = re.compile(r"[\[(] *([kMh]?Pa|psi|m?bar|mmHg|m?N|m?V|N/[cm]?m(?:Â
 _TIME_AHEAD = re.compile(
     r"^[\s\"']*(\d{1,4}[-./]\d\d?[-./]\d{1,4}[T ])?\d\d?:\d\d:\d\d([.:]\d+|,\d+(?=[;\s]))?Z?[\"']*(?=[;,\s])"
 )
+_FORTRAN = re.compile(r"^([-+]?\d*\.\d*)[dD]([-+]?\d+)$")
+_MISSING = re.compile(
+    r"#?n/?a|null|none|-+|\?+|\*+|err(or)?|ol|b|#[\w/]+[!?]", re.IGNORECASE
+)  # b: as Tekscan says it
+_HEXADECIMAL = re.compile(r"(0x)?[\da-f]{2,8}", re.IGNORECASE)
+# What programs show of arrays, and not all of it: NumPy's dots, MATLAB's blocks of columns and common factor.
+_SHOWN = re.compile(r"^[\s\[]*(\.\.\.|Columns? \d+.*|1\.0e[-+]\d+ *\*)\s*$|\s\.\.\.\s", re.MULTILINE)
 _NUMBERED = re.compile(r"[A-Za-z_]+(\d+)")
+_LIST = re.compile(r"\[[^\[\]]*\]")
 # Names of columns where a row is a taxel's.
 _OF_A_TAXEL = {"row", "col", "column", "taxel", "sensor", "channel", "value"}
 
 
 def separator_of(names: str) -> str:
     """Tell what parts the cells of a table by its line of names."""
-    return next((mark for mark in ";\t," if mark in names), " ")
+    return next((mark for mark in ";\t|," if mark in names), " ")
 
 
 def cells_of(lines: Iterable[str], separator: str, path: object = "it") -> Iterator[tuple[int, list[str]]]:
@@ -51,9 +59,19 @@ def cells_of(lines: Iterable[str], separator: str, path: object = "it") -> Itera
     reader = csv.reader(whole, delimiter=separator, skipinitialspace=True)
     try:
         for row in reader:
-            yield reader.line_num, [cell.strip().replace("\u2212", "-") for cell in row]  # a printed minus
+            yield reader.line_num, [_plain(cell.strip()) for cell in row]
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
+
+
+def _plain(cell: str) -> str:
+    """Write a printed minus, and the exponent of Fortran's 1.5D+03, as Python does."""
+    return _FORTRAN.sub(r"\1E\2", cell.replace("\u2212", "-"))
+
+
+def number_of(cell: str) -> float:
+    """Read a number; NaN for a word that stands where none is, as n/a or -. Raises ValueError for another."""
+    return float("nan" if _MISSING.fullmatch(cell) else cell)
 
 
 def title_cells(line: str) -> list[str]:
@@ -188,6 +206,11 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
     many numbers as a part of the taxels, so many lines that follow each other are a frame, and what stands between them
     is none. Raises InputError.
     """
+    if shown := _SHOWN.search(text):
+        raise InputError(
+            f"{shown[0].strip()!r} stands in it: it is what a program shows of an array; let it write all numbers"
+        )
+    text = _LIST.sub(lambda found: found[0].replace("\n", " "), text)  # NumPy parts a long one
     cells = [_cells(line) for line in text.splitlines()]
     behind = [cell for row in cells for cell in row[1:]]  # before them a clock may stand
     thousands = thousands_mark(behind) or ""
@@ -197,18 +220,23 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
     fitting = [width for width in widths if width in (taxels, taxels + ahead) or taxels % max(width, 1) == 0]
     width = max(fitting, key=lambda one: (one * widths[one], one), default=0)
     rows = [one for one in numbers if one is not None]
+    for row, one in zip(cells, numbers, strict=True):
+        if one is None and 1 < len(row) == width and all(map(_HEXADECIMAL.fullmatch, row)):
+            raise InputError(f"its numbers are hexadecimal, as in {short(' '.join(row))}; write decimal ones")
     if len(widths) == 1 and len(rows) == taxels and width in (0, taxels + 1, *range(1, taxels)):
         table = np.array(rows)
         if (np.diff(table[:, 0]) == 1).all():  # the number of its taxel begins each line
-            if width > taxels:
+            if taxels < len(rows[0]) <= taxels + 2:
                 raise InputError(
-                    f"its {taxels} lines of {width} numbers may be frames or taxels; leave the first out"
+                    f"its {taxels} lines of {len(rows[0])} numbers may be frames or taxels; leave the first out"
                 )
             return table[:, 1:].T
     if width < 2:
-        raise InputError(
-            f"its lines have {', '.join(map(str, sorted(widths))) or 'no'} numbers, no frames of {taxels} taxels"
+        counts = ", ".join(map(str, sorted(widths))) or "no"
+        such = (
+            "" if widths else f" such as {short(next(filter(None, map(str.strip, text.splitlines())), ''))}"
         )
+        raise InputError(f"its lines{such} have {counts} numbers, no frames of {taxels} taxels")
     if width >= taxels:
         whole = np.array([one for one in rows if len(one) == width])
         clock = whole[:, 0]
@@ -235,19 +263,20 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
 def _cells(line: str) -> list[str]:
     """Split a line at commas, semicolons, tabs or blanks; at commas not if they may be decimal beside another mark."""
     line = _TIME_AHEAD.sub("", re.sub(r"[\[\]]", " ", line))  # lists have brackets
-    words = [word.strip("\"'") for word in re.split(r"[;\t ]+", line.strip(",;\t \r")) if word]
+    words = [word.strip("\"'") for word in re.split(r"[;|\t ]+", line.strip(",;|\t \r")) if word]
     marked = [word for word in words if "," in word]
     if marked and len(words) > 1 and all(map(_OF_A_NUMBER.fullmatch, marked)):
         return words
     cells = [part.strip("\"'") for word in words for part in word.split(",") if part]
-    return [_NUMBERED.sub(r"\1", cells[0]), *cells[1:]] if len(cells) > 1 else cells
+    return [*map(_plain, [_NUMBERED.sub(r"\1", cells[0]), *cells[1:]])] if len(cells) > 1 else cells
 
 
 def _numbers(cells: list[str], thousands: str, commas: bool) -> list[float] | None:
     """Read cells that are all numbers; None if there are none, or anything else."""
     try:
-        return [
-            float(cell.replace(thousands, "").replace(",", "." if commas else ",")) for cell in cells
-        ] or None
+        values = [
+            number_of(cell.replace(thousands, "").replace(",", "." if commas else ",")) for cell in cells
+        ]
     except ValueError:
         return None
+    return None if np.isnan(values).all() else values

@@ -53,6 +53,14 @@ def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
     text.detach()
 
 
+# Names that poses have in other tables, and words before the numbers that stand below one.
+_MAY_BE_A_POSE = re.compile(
+    r"([xyz]|q[wxyz]|theta|phi|yaw|angle|heading|rot\w*|pos\w*|orient\w*)([\W_]*([cm]?m|deg|rad|turns))?\W*$",
+    re.IGNORECASE,
+)
+_STATISTICS = {
+    *("mean", "average", "avg", "median", "std", "stdev", "sd", "min", "max", "sum", "total", "count")
+}
 _POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}
 
 
@@ -96,9 +104,18 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         words |= same
         if not rows:
             posed = not _POSE.isdisjoint(words)
+            if not posed and not called and (poses := [name for name in words if _MAY_BE_A_POSE.match(name)]):
+                raise InputError(
+                    f"{where}: {', '.join(poses)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
+                    "name the columns (--columns)"
+                )
         if not posed:
             words |= {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
         row = checked(PressRow, {name: word for name, word in words.items() if name in _NO_TAXELS}, where)
+        if row.label.lower().rstrip(":.") in _STATISTICS and row.label not in {other.label for other in rows}:
+            raise InputError(
+                f"{where}: {row.label!r} begins no press but what is told of all: leave the line out"
+            )
         rows.append(row)
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")

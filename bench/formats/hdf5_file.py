@@ -19,11 +19,13 @@ from tactsim.bench.formats import is_of_a_run
 from tactsim.bench.results import Run, to_json
 from tactsim.core import InputError, Scan
 from tactsim.core.documents import parse_json
+from tactsim.core.errors import short
 from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST, MissingArrayError
 
 _OF_A_RUN = "run"  # the dataset that only a run has
 _READINGS = "unit of the readings"
+_STATED = ("scale_factor", "add_offset", "_FillValue", "missing_value")  # attributes of netCDF
 # {dataset: (axes, unit, description)}; the first six are in every scan.
 _DATASETS = {
     "readings": (("press", "taxel"), _READINGS, "what each taxel says of each press"),
@@ -128,6 +130,8 @@ def _opened(path: Path) -> Iterator[h5py.File]:
             yield file
     except InputError:
         raise
+    except UnicodeDecodeError as error:
+        raise InputError(f"its names are not text in UTF-8: {error}") from error
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:  # as h5py words HDF5's faults
         raise InputError(f"it is no whole HDF5 file: {' '.join(str(error).split())}") from error
 
@@ -162,13 +166,32 @@ def _read(file: h5py.File, names: Sequence[str]) -> dict[str, NDArray[Any]]:
             raise InputError(f"its {name} claims {size:,} bytes; {left + size:,} are left of {LARGEST:,}")
         if dataset.is_virtual or dataset.external:
             raise InputError(f"its {name} lies in another file")
+        said = str(dataset.attrs.get("units", dataset.attrs.get("unit", "")))
+        if {"m", "cm", "deg", "degree", "degrees"} & {*said.lower().replace(",", " ").split()}:
+            raise InputError(f"its {name} says that its unit is {short(said)}; give poses in mm, mm, rad")
         text = h5py.check_string_dtype(dataset.dtype) is not None
         if not text and dataset.dtype.kind not in "biufS":
             raise InputError(f"its {name} holds {dataset.dtype}, no numbers or names")
         of_bytes = dataset.dtype.kind == "S"
-        content = dataset.asstr()[()] if text and not of_bytes else dataset[()]
-        arrays[name] = np.char.decode(content, "utf-8") if of_bytes else np.array(content)
+        content = dataset.asstr("utf-8")[()] if text and not of_bytes else dataset[()]
+        arrays[name] = (
+            np.char.decode(content, "utf-8") if of_bytes else _as_stated(np.array(content), dataset)
+        )
     return arrays
+
+
+def _as_stated(array: NDArray[Any], dataset: h5py.Dataset) -> NDArray[Any]:
+    """Read numbers as HDF5 and netCDF state them: names for numbers, a scale and an offset, a number for none."""
+    names = h5py.check_enum_dtype(dataset.dtype)
+    if names and array.dtype.kind != "b":
+        named = {number: name for name, number in names.items()}
+        return np.array([named[number] for number in array.ravel().tolist()]).reshape(array.shape)
+    stated = {name: np.ravel(dataset.attrs[name])[0] for name in _STATED if name in dataset.attrs}
+    if not stated or array.dtype.kind not in "iuf":
+        return array
+    none = np.isin(array, [stated[name] for name in _STATED[2:] if name in stated])
+    numbers = array * stated.get("scale_factor", 1) + stated.get("add_offset", 0)
+    return np.where(none, np.nan, numbers) if none.any() else np.asarray(numbers)
 
 
 def _add(file: h5py.File, name: str, array: NDArray[Any], unit: str, description: str) -> h5py.Dataset:

@@ -54,6 +54,17 @@ _LATEST = 4e9  # s since 1970, in 2096
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 # Below which median step a time is in that unit.
 _BY_STEP = ((1e-5, "days", _DAY), (1, "s", 1.0), (1e3, "ms", 1e-3), (1e6, "us", 1e-6))
+# After which clocks begin anew: at the end of their bits, perhaps in us or ms, of a minute, a second or half a day.
+_ROUNDS = (
+    *(2.0**bits for bits in (8, 10, 12, 15, 16, 32)),
+    2.0**32 / 1e3,
+    2.0**32 / 1e6,
+    60.0,
+    1e3,
+    1e6,
+    43_200.0,
+)
+_BY_CHANCE = 1000.0  # to one that a clock which began anew looks as if it had gone round
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
@@ -149,7 +160,12 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
                 *(cell.replace(thousands, "") or "nan" for cell in cells[1:]),
             ]
             first, *others = text_tables.with_points(filled, separator, commas)
-            row = np.array([_of_day(first) if _OF_DAY.search(first) else float(first), *map(float, others)])
+            row = np.array(
+                [
+                    _of_day(first) if _OF_DAY.search(first) else float(first),
+                    *map(text_tables.number_of, others),
+                ]
+            )
         except (ValueError, IndexError):  # a line that ends before the time
             return None
         # A clock since 1970 in ns is larger than any reading may be.
@@ -177,7 +193,7 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
     clock = whole[:, 0].tolist()
     of_day = any(map(_OF_DAY.search, samples))
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
-    again_from_0 = f"the clock goes round {rounds} times, at the end of its bits: times go on from there"
+    again_from_0 = f"the clock goes round {rounds} times: they go on from there"
     remarks = [*filter(None, [remark]), *([again_from_0] if rounds else [])]
     if dead.any():
         lost = ", ".join(map(str, np.flatnonzero(dead[1:])))
@@ -225,12 +241,14 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
 
 
 def _past_rounds(clock: FloatArray) -> tuple[FloatArray, int]:
-    """Let a clock (n,) of 16 or 32 bits, in us or ms, go on where it begins at 0 again, and count that."""
+    """Let a clock (n,) that goes round begin no more at 0 again, and count that; of few lines a round several times."""
     steps = np.diff(clock)
     down, usual = steps < 0, float(np.median(np.abs(steps))) if len(steps) else 0.0
-    for most in (2.0**16, 2.0**32, 2.0**32 / 1e3, 2.0**32 / 1e6):
+    for most in _ROUNDS if down.any() else ():
         over = steps[down] + most
-        if 200 * usual < most and len(over) and (over >= 0).all() and (over <= 3 * usual).all():
+        often = (most / max(usual, 1e-9)) ** min(len(over), 9) > _BY_CHANCE and most > np.ptp(clock)
+        often = often and bool((np.abs(over - usual) <= usual / 2).all())
+        if often or (200 * usual < most and (over >= 0).all() and (over <= 3 * usual).all()):
             return clock + most * np.concatenate([[0], np.cumsum(down)]), int(down.sum())
     return clock, 0
 

@@ -85,7 +85,10 @@ def encoding_of(start: bytes) -> str:
 
 def _text(content: bytes, where: str) -> str:
     try:
-        return content.decode(encoding_of(content))
+        text = content.decode(encoding_of(content))
+        if "\0" in text:  # as in UTF-32, or where a writer was cut off
+            raise InputError(f"{where} is not text in UTF-8: it holds bytes of 0; save it so")
+        return text
     except UnicodeDecodeError as error:
         raise InputError(f"{where} is not text in UTF-8, from byte {error.start} on; save it so") from error
 

@@ -234,6 +234,8 @@ def readings_a_press(values: Any, pad: Pad) -> NDArray[Any]:
 
 def unmasked(values: Any, what: str) -> NDArray[Any]:
     """Make an array of anything; numbers that NumPy's mask hides become NaN. Raises InputError for hidden names."""
+    if isinstance(values, list | tuple) and any(map(np.ma.is_masked, values)):
+        values = np.ma.array(values)  # each row with its mask
     if not np.ma.is_masked(values):
         return np.asarray(values)
     if values.dtype.kind not in "fiu":
@@ -247,10 +249,17 @@ def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
     names: the places of the columns that must be there; None: taxels, by the numbers in their names. Raises InputError
     for other names.
     """
-    columns = list(getattr(frame, "columns", ()))
+    columns = list(
+        getattr(frame, "column_names", getattr(frame, "columns", ()))
+    )  # PyArrow's have other names
     if not columns or not (names is None or all(isinstance(name, str) for name in columns)):
         return frame
-    columns = [" ".join(map(str, name if isinstance(name, tuple) else [name])) for name in columns]
+    levels = getattr(getattr(frame, "columns", None), "names", None) or [None]
+    columns = [
+        " ".join(f"{level or ''}{part}" for level, part in zip(levels, name, strict=True))
+        if isinstance(name, tuple) else str(name)
+        for name in columns
+    ]  # fmt: skip
     places: list[tuple[int, ...]]
     if names is not None:
         places = [(names.get(name.strip().lower(), -1),) for name in columns]

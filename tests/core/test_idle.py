@@ -231,7 +231,11 @@ def test_a_large_reading_among_others_is_no_failed_cell():
     assert not failed_cells(ramp).any()
     assert not failed_cells(np.where(np.arange(4) == 2, 65535.0, pressed()[:, :4])).any()  # a dead taxel
     rising = np.round(3000 + 40 * pressed())
-    for saturated in (np.minimum(rising, 4095), np.where(rising < 3100, 0, rising), np.clip(rising, 2990, 3500)):
+    for saturated in (
+        np.minimum(rising, 4095),
+        np.where(rising < 3100, 0, rising),
+        np.clip(rising, 2990, 3500),
+    ):
         assert not failed_cells(saturated).any()
 
 

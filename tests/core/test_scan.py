@@ -5,6 +5,7 @@ from itertools import islice
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from scipy import stats
 
@@ -432,6 +433,8 @@ def test_what_numpy_masks_is_left_out():
     scan = Scan.from_arrays(readings, np.zeros((4, 3)), list("AABB"), pad=PAD)
     assert list(scan.meta["left_out"]) == ["2"]
     assert np.array_equal(scan.readings, np.delete(FLAT, 2, axis=1))
+    again = Scan.from_arrays(list(readings), np.zeros((4, 3)), list("AABB"), pad=PAD)  # a list of masked rows
+    assert again.digest == scan.digest
     loads = np.ma.masked_equal([1, 2, -1, 4], -1)
     scan = Scan.from_arrays(FLAT, np.zeros((4, 3)), list("AABB"), pad=PAD, loads=loads)
     assert np.array_equal(scan.loads, [1, 2, np.nan, 4], equal_nan=True)
@@ -455,6 +458,12 @@ def test_columns_of_a_table_go_by_their_names(names):
     scan = Scan.from_arrays(table, poses, pd.Series(list("AABB")), pad=PAD)
     assert np.array_equal(scan.readings, FLAT)
     assert np.array_equal(scan.poses, np.tile([3.0, 2.0, 1.0], (4, 1)))
+    places = [(row, column) for row in range(2) for column in range(3)]
+    for turn, levels in ((1, ["row", "col"]), (-1, ["col", "row"])):
+        columns = pd.MultiIndex.from_tuples([place[::turn] for place in places], names=levels)
+        levelled = pd.DataFrame(FLAT, columns=columns).iloc[:, order]
+        assert Scan.from_arrays(levelled, poses, list("AABB"), pad=PAD).digest == scan.digest
+    assert Scan.from_arrays(pa.Table.from_pandas(table), poses, list("AABB"), pad=PAD).digest == scan.digest
     unnamed = Scan.from_arrays(pd.DataFrame(FLAT), pd.DataFrame(np.zeros((4, 3))), list("AABB"), pad=PAD)
     assert np.array_equal(unnamed.readings, FLAT)
     numbered = pd.DataFrame(np.arange(24).reshape(4, 6)).astype("Int64").iloc[:, order]

@@ -69,13 +69,23 @@ def test_a_clock_that_begins_anew_is_no_disorder():
     assert remark is None
 
 
-@pytest.mark.parametrize(("most", "step"), [(2**16, 40), (2**32, 20_000), (2**32 / 1000, 20.5)])
-def test_a_clock_that_goes_round_at_the_end_of_its_bits_goes_on(most, step):
+@pytest.mark.parametrize(
+    ("most", "step", "times"),
+    [
+        (2**16, 40, 1),
+        (2**32, 20_000, 1),
+        (2**32 / 1000, 20.5, 1),
+        (2**8, 40, 31),
+        (2**12, 40, 2),
+        (1000, 40, 7),
+    ],
+)
+def test_a_clock_that_goes_round_at_the_end_of_its_bits_goes_on(most, step, times):
     """As millis() in 16 bits and micros() in 32 do: its later half would else come first."""
-    went = most - 50 * step + step * np.arange(200)
-    _, frames, remark = read_table(iter(table("Time [ms]", (went - most * (went >= most)).round(3))))
+    went = (most - 50 * step) % most + step * np.arange(200)
+    _, frames, remark = read_table(iter(table("Time [ms]", (went % most).round(3))))
     assert np.diff([frame.ticks for frame in frames]) == pytest.approx(step / 1000, abs=1e-6)
-    assert "the clock goes round 1 times" in remark
+    assert f"the clock goes round {times} times" in remark
 
 
 def test_times_that_are_all_equal_say_nothing():

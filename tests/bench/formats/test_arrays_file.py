@@ -51,6 +51,26 @@ def test_datasets_of_hdf5_are_imported_by_their_names(tmp_path, here):
     assert Scan.load(tmp_path / "scan.npz").digest == wanted.digest
 
 
+def test_what_attributes_of_hdf5_say_of_numbers_counts(tmp_path, here):
+    """As netCDF has them: a scale, an offset and a number for none; and names for numbers."""
+    with h5py.File(tmp_path / "lab.h5", "w") as file:
+        file["readings"], file["poses"] = np.where(READINGS[0, 0] == READINGS, -99, 4 * READINGS), POSES
+        stated = {"scale_factor": 0.5, "add_offset": 3.0, "_FillValue": -99.0}
+        file["readings"].attrs.update(stated)
+        kind = h5py.enum_dtype({"nut": 3, "bolt": 7})
+        file.create_dataset("labels", data=[3, 7, 7, 3], dtype=kind)
+    done = here("import", "lab.h5", *WORDS)
+    assert done.returncode == 0, done.stderr
+    scan = Scan.load(tmp_path / "scan.npz")
+    lost = (READINGS[0, 0] == READINGS).any(axis=0)
+    assert scan.readings == pytest.approx(2 * READINGS[:, ~lost] + 3)
+    assert scan.labels.tolist() == ["nut", "bolt", "bolt", "nut"]
+    with h5py.File(tmp_path / "lab.h5", "a") as file:
+        file["poses"].attrs["units"] = "cm, cm, rad"
+    (tmp_path / "scan.npz").unlink()
+    refused(here("import", "lab.h5", *WORDS), "its poses says that its unit is 'cm, cm, rad'")
+
+
 @pytest.mark.parametrize("kind", ["float16", "float32", "int16"])
 def test_images_of_a_press_are_averaged_in_whatever_type_they_are(kind):
     images = (np.random.default_rng(0).random((4, 9, 6)) * 30_000).astype(kind)

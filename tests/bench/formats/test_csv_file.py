@@ -52,6 +52,9 @@ def test_what_a_spreadsheet_saved_again_is_the_same(read):
 def test_tabs_and_a_separator_behind_the_last_cell_are_read(read):
     assert read(*(line.replace(",", "\t") for line in (TITLE, *ROWS))).digest == WANTED.digest
     assert read(TITLE, *(f"{row},," for row in ROWS)).digest == WANTED.digest
+    assert read(*(line.replace(",", "|") for line in (TITLE, *ROWS))).digest == WANTED.digest
+    assert read(TITLE.replace("_mm", " [mm]").replace("_N", " (N)"), *ROWS).digest == WANTED.digest
+    assert read(TITLE, *ROWS[:2], ROWS[2].replace(",9,", ",0.9D+01,")).digest == WANTED.digest
     assert (
         read(*(line.replace(",", " ").replace("  ", ' "" ') for line in (TITLE, *ROWS))).digest
         == WANTED.digest
@@ -108,6 +111,9 @@ def test_an_angle_may_be_in_degrees_and_the_rest_may_be_left_out(read):
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p0,p1,p2,p3,p4,celsius"), *ROWS], "'celsius' has no number as others"),
         ([TITLE.replace("t0,t1,t2,t3,t4,t5", "p0 (V),p1 (V),p2 (V),p3 (V),p4 (V),p5 (V)"), *ROWS], "not in N; count"),
         ([TITLE, *ROWS, "B,test,0,0,-3,,2,9,8,,6,5,4"], "line 5: t2: give a number up to 1e9, got ''"),
+        ([TITLE.replace("x_mm,y_mm,theta_rad", "X,Y,heading"), *ROWS], "X, Y, heading may be poses"),
+        ([TITLE, *ROWS, "Mean,test,1,1,1,,2,3,3,3,3,3,3"], "line 5: 'Mean' begins no press"),
+        ([TITLE, ROWS[0] + "\0"], "it holds bytes of 0"),
         ([TITLE + ",t6", ROWS[0] + ",1"], "line 2: 7 columns of taxels, t0, t1, t2 ..., and the pad has 6"),
     ],
 )  # fmt: skip

@@ -1,5 +1,7 @@
 """Folders of frames, a press in each file, in the forms in which people publish them."""
 
+import json
+
 import numpy as np
 import pytest
 from command_line import refused
@@ -33,6 +35,9 @@ TEXTS = {
     "four lines a frame, nothing between": lines(FRAMES.reshape(-1, 6)),
     "a time of day before": "".join(f"2026-11-28 12:00:0{at}.5," + lines([row]) for at, row in enumerate(FRAMES)),
     "as NumPy prints pictures": "".join(f"{frame.reshape(4, 6)}\n" for frame in FRAMES),
+    "as NumPy parts long rows": "".join(f"{np.array2string(frame, 40)}\n" for frame in FRAMES),
+    "bars": "| " + lines(FRAMES, " | ").replace("\n", " |\n| "),
+    "lists over many lines": json.dumps(FRAMES.tolist(), indent=1),
     "nested lists": "".join(f"{frame.reshape(4, 6).tolist()}\n" for frame in FRAMES),
     "a line a taxel, named": "taxel,f0\n" + "".join(f"t{at}," + lines([row]) for at, row in enumerate(FRAMES.T)),
     "a line a taxel": "node_id," + ",".join(f"frame{k}" for k in range(7)) + "\n"
@@ -95,7 +100,7 @@ def test_long_lines_of_a_mat_in_folders_become_a_scan(here, tmp_path):
     [
         ("a.txt", lines(FRAMES.reshape(-1, 6)[:-1]), "27 lines of 6 numbers follow each other"),
         ("a.txt", "1 2 3 4 5 6 7\n" * 4, "lines have 7 numbers, no frames of 24 taxels"),
-        ("a.txt", "nothing\n", "lines have no numbers"),
+        ("a.txt", "nothing\n", "lines such as 'nothing' have no numbers"),
         ("a.npy", "text", "whole .npz file|no header"),
     ],
 )
@@ -143,6 +148,8 @@ def decimal_commas(mark, clock=False, lines_a_frame=1):
         lines(PRESS).replace("28.5", "nan", 1),
         lines(PRESS).replace("28.5", "inf", 1),
         lines(PRESS).replace("28.5", "", 1),
+        *(lines(PRESS).replace("28.5", word, 1) for word in ("n/a", "#DIV/0!", "-", "null", "B")),
+        "".join(",".join(f"{number:.3E}".replace("E", "D") for number in row) + "\n" for row in PRESS),
     ],
 )
 def test_decimal_commas_quotes_and_words_for_no_number_make_no_other_numbers(tmp_path, text):
@@ -171,6 +178,14 @@ def test_thousands_in_frames_are_whole_and_what_reads_both_ways_is_refused(tmp_p
             "25 numbers for 24 taxels, and the first is no clock",
         ),
         (lines(np.column_stack([np.arange(24), np.ones((24, 24))])), "may be frames or taxels"),
+        (lines(np.column_stack([np.arange(24), np.ones((24, 25))])), "may be frames or taxels"),
+        (
+            "".join(" ".join(f"{int(n):04x}" for n in row) + "\n" for row in 9 * PRESS),
+            "its numbers are hexadecimal",
+        ),
+        (f"{np.tile(PRESS, (99, 1))}", "what a program shows of an array"),
+        ("X =\n\n   1.0e+03 *\n\n" + lines(PRESS, "  "), "what a program shows of an array"),
+        ("  Columns 1 through 6\n\n" + lines(PRESS[:, :6], "  "), "what a program shows of an array"),
         (lines(np.where(np.eye(7, 24), np.nan, PRESS)), "every frame has a cell that failed or is no number"),
     ],
 )
