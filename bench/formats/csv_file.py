@@ -104,9 +104,9 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         words |= same
         if not rows:
             posed = not _POSE.isdisjoint(words)
-            if not posed and not called and (poses := [name for name in words if _MAY_BE_A_POSE.match(name)]):
+            if not posed and not called and (like := [name for name in words if _MAY_BE_A_POSE.match(name)]):
                 raise InputError(
-                    f"{where}: {', '.join(poses)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
+                    f"{where}: {', '.join(like)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
                     "name the columns (--columns)"
                 )
         if not posed:

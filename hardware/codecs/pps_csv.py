@@ -6,6 +6,7 @@ a time, as `text_tables` has them.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
@@ -64,7 +65,7 @@ _ROUNDS = (
     1e6,
     43_200.0,
 )
-_BY_CHANCE = 1000.0  # to one that a clock which began anew looks as if it had gone round
+_BY_CHANCE = 7.0  # log of the odds that a clock which began anew looks as if it had gone round
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
 
 
@@ -246,9 +247,10 @@ def _past_rounds(clock: FloatArray) -> tuple[FloatArray, int]:
     down, usual = steps < 0, float(np.median(np.abs(steps))) if len(steps) else 0.0
     for most in _ROUNDS if down.any() else ():
         over = steps[down] + most
-        often = (most / max(usual, 1e-9)) ** min(len(over), 9) > _BY_CHANCE and most > np.ptp(clock)
-        often = often and bool((np.abs(over - usual) <= usual / 2).all())
-        if often or (200 * usual < most and (over >= 0).all() and (over <= 3 * usual).all()):
+        often = len(over) * math.log(most / usual) > _BY_CHANCE if 0 < usual < most else False
+        if (often and np.ptp(clock) < most and np.abs(over - usual).max() <= usual / 2) or (
+            200 * usual < most and over.min() >= 0 and over.max() <= 3 * usual
+        ):
             return clock + most * np.concatenate([[0], np.cumsum(down)]), int(down.sum())
     return clock, 0
 
