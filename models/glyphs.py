@@ -88,44 +88,9 @@ def _b() -> CrossSection:
     return _bar(0, 0, STROKE, CAP_HEIGHT) + bars + bowls
 
 
-def _c() -> CrossSection:
-    return _arc(12.5, 12.5, 12.5, 45, 315, STROKE)
-
-
 def _d() -> CrossSection:
     bars = _bar(0, 0, 8, STROKE) + _bar(0, CAP_HEIGHT - STROKE, 8, CAP_HEIGHT)
     return _bar(0, 0, STROKE, CAP_HEIGHT) + bars + _arc(8, 12.5, 12.5, -90, 90, STROKE)
-
-
-def _e() -> CrossSection:
-    return (
-        _bar(0, 0, STROKE, CAP_HEIGHT)
-        + _bar(0, 0, 17, STROKE)
-        + _bar(0, 10.5, 15, 15)
-        + _bar(0, CAP_HEIGHT - STROKE, 16.5, CAP_HEIGHT)
-    )
-
-
-def _f() -> CrossSection:
-    return (
-        _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(0, 9.5, 14, 14) + _bar(0, CAP_HEIGHT - STROKE, 17, CAP_HEIGHT)
-    )
-
-
-def _g() -> CrossSection:
-    return _arc(12.5, 12.5, 12.5, 45, 360, STROKE) + _bar(13, 8, 22, 12.5)
-
-
-def _h() -> CrossSection:
-    return _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(20 - STROKE, 0, 20, CAP_HEIGHT) + _bar(0, 10.25, 20, 14.75)
-
-
-def _i() -> CrossSection:
-    return _bar(0, 0, STROKE, CAP_HEIGHT)
-
-
-def _j() -> CrossSection:
-    return _bar(15 - STROKE, 7.5, 15, CAP_HEIGHT) + _arc(7.5, 7.5, 7.5, 180, 360, STROKE)
 
 
 def _k() -> CrossSection:
@@ -134,10 +99,6 @@ def _k() -> CrossSection:
     arm = _slant(STROKE - width, 3, 14, CAP_HEIGHT, width)
     leg = _slant(14.5, 0, STROKE - width + (fork - 3) * lean, fork, width)
     return _bar(0, 0, STROKE, CAP_HEIGHT) + ((arm + leg) ^ _bar(STROKE / 2, 0, 25, CAP_HEIGHT))
-
-
-def _l() -> CrossSection:
-    return _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(0, 0, 16, STROKE)
 
 
 def _m() -> CrossSection:
@@ -153,22 +114,10 @@ def _n() -> CrossSection:
     return _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(width - STROKE, 0, width, CAP_HEIGHT) + diagonal
 
 
-def _o() -> CrossSection:
-    return _ring(12.5, 12.5, 12.5, STROKE)
-
-
 def _p() -> CrossSection:
     radius = 7.75
     bars = _bar(0, 25 - 2 * radius, 8.5, 25 - 2 * radius + THIN) + _bar(0, 25 - THIN, 8.5, CAP_HEIGHT)
     return _bar(0, 0, STROKE, CAP_HEIGHT) + bars + _arc(8.5, 25 - radius, radius, -90, 90, THIN)
-
-
-def _q() -> CrossSection:
-    return _ring(12.5, 12.5, 12.5, STROKE) + _slant(20, -1.5, 12, 8, 6)
-
-
-def _r() -> CrossSection:
-    return _p() + _slant(11.5, 0, 5, 12, 5.2)
 
 
 def _s() -> CrossSection:
@@ -176,10 +125,6 @@ def _s() -> CrossSection:
     upper = _arc(radius, CAP_HEIGHT - radius, radius, 30, 270, THIN)
     lower = _arc(radius, radius, radius, -150, 90, THIN)
     return upper + lower
-
-
-def _t() -> CrossSection:
-    return _bar(0, CAP_HEIGHT - STROKE, 19, CAP_HEIGHT) + _bar(7, 0, 12, CAP_HEIGHT)
 
 
 def _u() -> CrossSection:
@@ -202,10 +147,6 @@ def _w() -> CrossSection:
     )
     inner = _slant(valley, 0, (width - foot) / 2, top, foot)
     return outer + inner + _slant(width - valley - foot, 0, (width - foot) / 2, top, foot)
-
-
-def _x() -> CrossSection:
-    return _slant(0, 0, 15.4, CAP_HEIGHT, 5.6) + _slant(15.4, 0, 0, CAP_HEIGHT, 5.6)
 
 
 def _y() -> CrossSection:
@@ -274,10 +215,6 @@ def _six() -> CrossSection:
     return _ring(radius, radius, radius, THIN) + _arc(sweep, radius, sweep, 97.5, 180, THIN)
 
 
-def _seven() -> CrossSection:
-    return _bar(0, CAP_HEIGHT - STROKE, 17.5, CAP_HEIGHT) + _slant(4, 0, 12.4, CAP_HEIGHT - STROKE, 5.1)
-
-
 def _eight() -> CrossSection:
     upper, lower = 6.6, 7.9  # the rings share the middle stroke
     return _ring(lower, CAP_HEIGHT - upper, upper, THIN) + _ring(lower, lower, lower, THIN)
@@ -290,10 +227,30 @@ def _nine() -> CrossSection:
 
 
 GLYPHS: dict[str, Callable[[], CrossSection]] = {
-    "A": _a, "B": _b, "C": _c, "D": _d, "E": _e, "F": _f, "G": _g, "H": _h, "I": _i, "J": _j, "K": _k,
-    "L": _l, "M": _m, "N": _n, "O": _o, "P": _p, "Q": _q, "R": _r, "S": _s, "T": _t, "U": _u, "V": _v,
-    "W": _w, "X": _x, "Y": _y, "Z": _z, "0": _zero, "1": _one, "2": _two, "3": _three, "4": _four,
-    "5": _five, "6": _six, "7": _seven, "8": _eight, "9": _nine,
+    "A": _a, "B": _b,
+    "C": lambda: _arc(12.5, 12.5, 12.5, 45, 315, STROKE),
+    "D": _d,
+    "E": lambda: _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(0, 0, 17, STROKE) + _bar(0, 10.5, 15, 15)
+    + _bar(0, CAP_HEIGHT - STROKE, 16.5, CAP_HEIGHT),
+    "F": lambda: _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(0, 9.5, 14, 14) + _bar(0, CAP_HEIGHT - STROKE, 17, CAP_HEIGHT),
+    "G": lambda: _arc(12.5, 12.5, 12.5, 45, 360, STROKE) + _bar(13, 8, 22, 12.5),
+    "H": lambda: _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(20 - STROKE, 0, 20, CAP_HEIGHT) + _bar(0, 10.25, 20, 14.75),
+    "I": lambda: _bar(0, 0, STROKE, CAP_HEIGHT),
+    "J": lambda: _bar(15 - STROKE, 7.5, 15, CAP_HEIGHT) + _arc(7.5, 7.5, 7.5, 180, 360, STROKE),
+    "K": _k,
+    "L": lambda: _bar(0, 0, STROKE, CAP_HEIGHT) + _bar(0, 0, 16, STROKE),
+    "M": _m, "N": _n,
+    "O": lambda: _ring(12.5, 12.5, 12.5, STROKE),
+    "P": _p,
+    "Q": lambda: _ring(12.5, 12.5, 12.5, STROKE) + _slant(20, -1.5, 12, 8, 6),
+    "R": lambda: _p() + _slant(11.5, 0, 5, 12, 5.2),
+    "S": _s,
+    "T": lambda: _bar(0, CAP_HEIGHT - STROKE, 19, CAP_HEIGHT) + _bar(7, 0, 12, CAP_HEIGHT),
+    "U": _u, "V": _v, "W": _w,
+    "X": lambda: _slant(0, 0, 15.4, CAP_HEIGHT, 5.6) + _slant(15.4, 0, 0, CAP_HEIGHT, 5.6),
+    "Y": _y, "Z": _z, "0": _zero, "1": _one, "2": _two, "3": _three, "4": _four, "5": _five, "6": _six,
+    "7": lambda: _bar(0, CAP_HEIGHT - STROKE, 17.5, CAP_HEIGHT) + _slant(4, 0, 12.4, CAP_HEIGHT - STROKE, 5.1),
+    "8": _eight, "9": _nine,
 }  # fmt: skip
 
 
