@@ -40,15 +40,18 @@ def command_list(
     ),
 ) -> None:
     """List estimators, likelihoods, letters, solids, worlds, metrics, suites, formats, or options of one or a scan."""
+    from tactsim import models, press
+    from tactsim.bench import kinds
+
     sections: dict[str, Callable[[], list[Row]]] = {
         "estimators": _estimators,
         "likelihoods": _likelihoods,
-        "letters": _letters,
-        "solids": _solids,
+        "letters": lambda: [(" ".join(models.names()), "", "")],
+        "solids": lambda: [(" ".join(models.solid_names()), "", "")],
         "worlds": _worlds,
-        "scan-options": _scan_options,
-        "solid-options": _solid_options,
-        "slip": _slip,
+        "scan-options": lambda: _options("--scan-set", press.ScanOptions),
+        "solid-options": lambda: _options("--scan-set", kinds.load("solids").scan_options),
+        "slip": lambda: _options("--slip", Slip),
         "metrics": _metrics,
         "suites": _suites,
         "formats": _formats,
@@ -97,9 +100,8 @@ def _estimators() -> list[Row]:
 def _estimator(name: str) -> list[Row]:
     from tactsim.estimators.registry import listing, options_of
 
-    options = _fields(options_of(name))  # which refuses an unknown name
-    own = [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name]
-    return [*own, ("--set NAME=VALUE", "default", ""), *options]
+    options = _options("--set", options_of(name))  # which refuses an unknown name
+    return [(entry.name, entry.status, entry.summary) for entry in listing() if entry.name == name] + options
 
 
 def _likelihoods() -> list[Row]:
@@ -117,40 +119,11 @@ def _likelihood(name: str) -> list[Row]:
     return [row for row in _likelihoods() if row[0] == name] + [("--set NAME=VALUE", "default", ""), *rows]
 
 
-def _letters() -> list[Row]:
-    from tactsim.models import names
-
-    return [(" ".join(names()), "", "")]
-
-
-def _solids() -> list[Row]:
-    from tactsim.models import solid_names
-
-    return [(" ".join(solid_names()), "", "")]
-
-
 def _worlds() -> list[Row]:
     from tactsim.press import WORLDS
 
     worlds = WORLDS | SLIPS
     return [(name, "", ", ".join(dotted(world)) or "the defaults") for name, world in worlds.items()]
-
-
-def _scan_options() -> list[Row]:
-    from tactsim.press import ScanOptions
-
-    return [("--scan-set NAME=VALUE", "default", ""), *_fields(ScanOptions)]
-
-
-def _solid_options() -> list[Row]:
-    from tactsim.bench import kinds
-
-    return [("--scan-set NAME=VALUE", "default", ""), *_fields(kinds.load("solids").scan_options)]
-
-
-def _slip() -> list[Row]:
-
-    return [("--slip NAME=VALUE", "default", ""), *_fields(Slip)]
 
 
 def _metrics() -> list[Row]:
@@ -177,6 +150,11 @@ def _formats() -> list[Row]:
     from tactsim.bench.formats import FORMATS
 
     return [(one.name, "scans and runs", one.line) for one in FORMATS.values()]
+
+
+def _options(flag: str, model: type[BaseModel]) -> list[Row]:
+    """Head a configuration's options by the flag that sets them."""
+    return [(f"{flag} NAME=VALUE", "default", ""), *_fields(model)]
 
 
 def _fields(model: type[BaseModel], prefix: str = "") -> list[Row]:
