@@ -7,6 +7,7 @@ Beside other marks than commas numbers may have decimal commas.
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,7 +33,7 @@ _UNIT_BEHIND = re.compile(r"[\[(] *([kMh]?Pa|psi|m?bar|mmHg|m?N|m?V|N/[cm]?m(?:Â
 _TIME_AHEAD = re.compile(
     r"^[\s\"']*(\d{1,4}[-./]\d\d?[-./]\d{1,4}[T ])?\d\d?:\d\d:\d\d([.:]\d+|,\d+(?=[;\s]))?Z?[\"']*(?=[;,\s])"
 )
-_FORTRAN = re.compile(r"^([-+]?\d*\.\d*)[dD]([-+]?\d+)$")
+_FORTRAN = re.compile(r"(?<![\w.])(\d*\.\d*)[dD]([-+]?\d+)(?![\w.])")
 _MISSING = re.compile(
     r"#?n/?a|null|none|-+|\?+|\*+|err(or)?|ol|b|#[\w/]+[!?]", re.IGNORECASE
 )  # b: as Tekscan says it
@@ -55,23 +56,29 @@ def cells_of(lines: Iterable[str], separator: str, path: object = "it") -> Itera
 
     Raises InputError that names `path`.
     """
-    whole = (line.rstrip(f"\r\n {separator}") for line in lines)
+    whole = (_plain(line).rstrip(f"\r\n {separator}") for line in lines)
     reader = csv.reader(whole, delimiter=separator, skipinitialspace=True)
     try:
         for row in reader:
-            yield reader.line_num, [_plain(cell.strip()) for cell in row]
+            yield reader.line_num, [cell.strip() for cell in row]
     except csv.Error as error:
         raise InputError(f"{path} is no table (CSV): {error}") from error
 
 
-def _plain(cell: str) -> str:
-    """Write a printed minus, and the exponent of Fortran's 1.5D+03, as Python does."""
-    return _FORTRAN.sub(r"\1E\2", cell.replace("\u2212", "-"))
+def _plain(line: str) -> str:
+    """Write printed minuses, and exponents of Fortran's 1.5D+03, as Python does."""
+    line = line.replace("\u2212", "-")
+    return _FORTRAN.sub(r"\1E\2", line) if "D" in line or "d" in line else line
 
 
 def number_of(cell: str) -> float:
     """Read a number; NaN for a word that stands where none is, as n/a or -. Raises ValueError for another."""
-    return float("nan" if _MISSING.fullmatch(cell) else cell)
+    try:
+        return float(cell)
+    except ValueError:
+        if _MISSING.fullmatch(cell):
+            return math.nan
+        raise
 
 
 def title_cells(line: str) -> list[str]:
@@ -262,13 +269,13 @@ def frames_of_text(text: str, taxels: int, ahead: int = 1) -> FloatArray:
 
 def _cells(line: str) -> list[str]:
     """Split a line at commas, semicolons, tabs or blanks; at commas not if they may be decimal beside another mark."""
-    line = _TIME_AHEAD.sub("", re.sub(r"[\[\]]", " ", line))  # lists have brackets
+    line = _TIME_AHEAD.sub("", re.sub(r"[\[\]]", " ", _plain(line)))  # lists have brackets
     words = [word.strip("\"'") for word in re.split(r"[;|\t ]+", line.strip(",;|\t \r")) if word]
     marked = [word for word in words if "," in word]
     if marked and len(words) > 1 and all(map(_OF_A_NUMBER.fullmatch, marked)):
         return words
     cells = [part.strip("\"'") for word in words for part in word.split(",") if part]
-    return [*map(_plain, [_NUMBERED.sub(r"\1", cells[0]), *cells[1:]])] if len(cells) > 1 else cells
+    return [_NUMBERED.sub(r"\1", cells[0]), *cells[1:]] if len(cells) > 1 else cells
 
 
 def _numbers(cells: list[str], thousands: str, commas: bool) -> list[float] | None:

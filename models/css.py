@@ -256,7 +256,7 @@ def _has_units(name: str, value: list[Any], in_sheet: bool) -> bool:
 def _is_valid(name: str, value: str) -> bool:
     """Tell whether a property's value counts: nothing, and a paint that is not valid, do not."""
     words = ("none", "inherit", "initial", "unset", "context-fill", "context-stroke")
-    paint = name not in ("fill", "stroke") or value.lower() in words
+    paint = name not in ("fill", "stroke", "color") or value.lower() in words[name == "color" :]
     if not paint and _UNREAD_PAINT.fullmatch(value.lower()):
         raise InputError(f"its {name} is {short(value)}, which is not read: write it as #rrggbb")
     return bool(value) and (paint or url_in(value)[0] is not None or parse_color(value) is not None)

@@ -86,6 +86,7 @@ SEEN = [
     ('<style>.e{fill-rule:evenodd}</style><path class="e" d="M2 2h26v26h-26zM8 8h14v14h-14z"/>', 480),
     (f'<g fill="none"><rect fill="inherit" {RECT}/></g>{L}', 204),
     ('<g color="red" fill="none"><rect fill="currentColor" width="9" height="9"/></g>', 81),
+    ('<g color="none"><rect fill="currentColor" width="9" height="9"/></g>', 81),
     (f'<style>:root{{--n:var(--m);--m:none}} .a{{fill:var(--n)}}</style><rect class="a" {RECT}/><path fill="var(--x, '
      f'red)" {D}/>', 204),
     (f'<g style="Display:NONE"><rect {RECT}/></g><g mask="" clip-path="" filter="" visibility="foo">{L}</g>', 204),
