@@ -332,40 +332,33 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Unless "off", counts that left 16 bits are mended, and taxels that fail often and presses with
+    (n, taxels) instead. Unless "off", counts that left their bits are mended, and taxels that fail often and presses with
     failed cells are left out; where what taxels read at rest drifts from press to press, it is said. Raises InputError
     for another word, for frames of another pad, and if no press is left.
     """
-    mended, wrapped = unwrapped(scan.readings)
-    if wrapped and zero != "off":
+    mended, wrapped = (scan.readings, 0) if zero == "off" else unwrapped(scan.readings)
+    if wrapped:
         taken, said = settled(replace(scan, readings=mended), zero, frames)
         return taken, f"{mending(scan.readings, wrapped)}; {said}"
-    broken = flickering(scan.readings) if zero != "off" else np.zeros(scan.readings.shape[1], dtype=bool)
+    broken = np.zeros(scan.readings.shape[1], dtype=bool) if zero == "off" else flickering(scan.readings)
     if broken.any():
-        stated = dict(scan.meta.get("left_out", {}))
-        count = len(broken) + len(stated)
-        of_pad = np.setdiff1d(np.arange(count), [int(taxel) for taxel in stated])[broken].tolist()
-        stated |= {str(taxel): "it fails in many presses, as 65535 is" for taxel in of_pad}
-        if frames is not None and count > len(broken) and np.shape(frames)[-1:] == broken.shape:
+        stated, why = dict(scan.meta.get("left_out", {})), "it fails in many presses, as 65535 is"
+        of_pad = np.setdiff1d(np.arange(len(broken) + len(stated)), [*map(int, stated)])[broken].tolist()
+        if frames is not None and stated and np.shape(frames)[-1:] == broken.shape:
             frames = np.asarray(frames)[..., ~broken]  # without those that were left out before
         reduced = replace(
-            scan,
-            readings=scan.readings[:, ~broken],
-            taxel_xy=scan.taxel_xy[~broken],
+            scan, readings=scan.readings[:, ~broken], taxel_xy=scan.taxel_xy[~broken],
             sequence=None if scan.sequence is None else scan.sequence[..., ~broken],
-            meta={**scan.meta, "left_out": stated},
-        )
+            meta={**scan.meta, "left_out": {**stated, **dict.fromkeys(map(str, of_pad), why)}},
+        )  # fmt: skip
         taken, said = settled(reduced, zero, frames)
-        numbers = ", ".join(map(str, of_pad))
-        return taken, f"taxel {numbers} is left out: it fails in many presses, as 65535 is; {said}"
-    failed = failed_cells(scan.readings)
-    whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
-    lost = int((~whole).sum())
-    if lost and zero != "off":
+        return taken, f"taxel {', '.join(map(str, of_pad))} is left out: {why}; {said}"
+    failed = np.zeros(scan.readings.shape, dtype=bool) if zero == "off" else failed_cells(scan.readings)
+    if lost := int(failed.any(axis=1).sum()):
         example = short(float(scan.readings[failed][0]))
         if lost == len(scan):
             raise InputError(f"every press has a failed cell, such as {example}; write them as empty cells")
-        taken, said = settled(scan.chosen(whole), zero, frames)
+        taken, said = settled(scan.chosen(~failed.any(axis=1)), zero, frames)
         cells = f"{failed.sum():,} failed cells, such as {example}"
         return taken, f"{lost:,} of {len(scan):,} readings with {cells}, are left out; {said}"
     if frames is not None:
