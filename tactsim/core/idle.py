@@ -332,7 +332,7 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
     zero: "auto" to find the idle level in the training readings, of which nothing is taken off where most taxels rest
     near 0; a number, the level of all taxels; "off" to leave readings as they are. frames: idle readings (taxels,) or
-    (n, taxels) instead. Unless "off", counts that left their bits are mended, and taxels that fail often and presses with
+    (n, taxels) instead. Unless "off", counts that left their bits are mended, taxels that fail often and presses with
     failed cells are left out; where what taxels read at rest drifts from press to press, it is said. Raises InputError
     for another word, for frames of another pad, and if no press is left.
     """
