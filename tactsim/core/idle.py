@@ -354,11 +354,12 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
         taken, said = settled(reduced, zero, frames)
         return taken, f"taxel {', '.join(map(str, of_pad))} is left out: {why}; {said}"
     failed = np.zeros(scan.readings.shape, dtype=bool) if zero == "off" else failed_cells(scan.readings)
-    if lost := int(failed.any(axis=1).sum()):
+    whole: NDArray[np.bool_] = np.asarray(~failed.any(axis=1))
+    if lost := int((~whole).sum()):
         example = short(float(scan.readings[failed][0]))
         if lost == len(scan):
             raise InputError(f"every press has a failed cell, such as {example}; write them as empty cells")
-        taken, said = settled(scan.chosen(~failed.any(axis=1)), zero, frames)
+        taken, said = settled(scan.chosen(whole), zero, frames)
         cells = f"{failed.sum():,} failed cells, such as {example}"
         return taken, f"{lost:,} of {len(scan):,} readings with {cells}, are left out; {said}"
     if frames is not None:
