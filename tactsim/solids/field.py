@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +17,9 @@ from tactsim.core import InputError, rigid
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Options
-from tactsim.solids.agreement_kernels import AHEAD, Touching, agreements
+from tactsim.estimators.filters.states import Weights
+from tactsim.estimators.filters.trust import Trust
+from tactsim.solids.agreement_kernels import AHEAD, LOUD, Touching, agreements
 from tactsim.solids.feeling_kernels import add_log_p, climb, feel_all, foresee_touches
 from tactsim.solids.scan import SpaceScan
 from tactsim.solids.voxels import (
@@ -232,18 +235,27 @@ _FREEDOM = 4.0
 _COUNTS = 0.25  # neighbours share errors of the map and of the pad's place: four count as one
 _FINEST = 1e-3  # mm, rad or kPa of a width: readings without noise ask for none
 _FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and at last
-_GROUP, _STEPS = 12, 7  # touches that are left out together, and steps in which they climb
+_FEW, _MANY = 4, 16  # touches that are left out together
+_JUDGED, _SEQUENCES = 12, 3  # objects whose touches are weighed, and sequences of each
+_SHARE, _EXCESS = (
+    0.9,
+    5.322,
+)  # of sequences, and half the chi-square of six numbers that such a share of them has
+_BEGUN, _STEPS = 40, 7  # poses near the true one from which better ones are climbed to, in so many steps
+_NEAR = 0.7, 0.06  # mm and rad: how far off they are along each axis
+_ALONE, _CHOOSING = 2, 2  # touches before any is chosen, and steps to the states that a choice is between
+_STATES, _OFFERED = 16, 40  # of a belief, and touches among which it chooses
 _STIFFNESSES = np.geomspace(10, 1000, 9)  # kPa/mm that are tried first
 _MOST_DEEP = 5.0  # mm
 
-# Of each object distances to its surface, and the touches that these were learned without.
-_LeftOut = list[tuple[Voxels, Touches]]
+# Of each object what was learned of it, and the touches that this was learned without.
+_LeftOut = list[tuple[Chart, Touches]]
 
 
 def learn_touching(
     touches: Mapping[str, Touches], points: FloatArray, rays: Rays, dense: Rays, cell: float, stroke: float
-) -> tuple[Touching, float]:
-    """Learn how a pad with taxels at `points` (taxels, 3) mm feels; also the load of a touch, N.
+) -> tuple[Touching, float, _LeftOut]:
+    """Learn how a pad with taxels at `points` (taxels, 3) mm feels; also the load of a touch, N, and what was left out.
 
     rays: on which touches will be compared; dense: on which surfaces are learned.
     """
@@ -266,9 +278,8 @@ def learn_touching(
     log_p = np.empty(len(depth))
     agreements(touching, depth, readings, log_p)
     touching = touching._replace(worst=float(np.quantile(log_p, _SURPRISE)))
-    touching = touching._replace(trust=_trust(left_out, touching))
     area = dense.frame[2] ** 2 * dense.base.size / len(points)
-    return touching, full * area / 1000
+    return touching, full * area / 1000, left_out
 
 
 def corners_of(touching: Touching) -> FloatArray:
@@ -288,35 +299,14 @@ def _left_out(touches: list[Touches], start: Touching, dense: Rays, cell: float)
     """Leave some touches of each object out, and learn distances to its surface from the others."""
     divided = [_divided(mine) for mine in touches]
     return [
-        (learn_surface(learned, dense, start.stiffness, cell, start.stroke).voxels, out)
-        for learned, out in divided
+        (learn_surface(learned, dense, start.stiffness, cell, start.stroke), out) for learned, out in divided
     ]
 
 
 def _foreseen(left_out: _LeftOut, start: Touching, rays: Rays) -> tuple[FloatArray, FloatArray]:
     """Foresee touches left out: depths (n, rays) mm, and their readings (n, taxels) kPa."""
-    depth = [depths(voxels, out, rays, start.deepest, start.soft + AHEAD) for voxels, out in left_out]
+    depth = [depths(chart.voxels, out, rays, start.deepest, start.soft + AHEAD) for chart, out in left_out]
     return np.concatenate(depth), np.ascontiguousarray(np.concatenate([out.readings for _, out in left_out]))
-
-
-def _trust(left_out: _LeftOut, touching: Touching) -> float:
-    """Weigh touches so that groups of left-out ones are as sure of their poses as they are right, at most 1.
-
-    The best pose near the true one exceeds it in log p, on average by half a nat for each of the pose's six numbers if
-    the touches are weighed right (Wilks 1938): by 3.
-    """
-    excess = []
-    for voxels, out in left_out:
-        sensors = np.concatenate([out.places, rigid.quaternion(out.turns)], axis=1)
-        for first in range(0, len(sensors) - _GROUP + 1, _GROUP):
-            readings, at = out.readings[first : first + _GROUP], sensors[first : first + _GROUP]
-            reached = []
-            for steps in (0, _STEPS):
-                pose, information, log_p = rigid.IDENTITY[None].copy(), np.empty((1, 6, 6)), np.empty(1)
-                climb(voxels, touching, corners_of(touching), pose, readings, at, steps, information, log_p)
-                reached.append(float(log_p[0]))
-            excess.append(reached[1] - reached[0])
-    return min(1.0, 3 / max(float(np.mean(excess)), 3.0)) if excess else 1.0
 
 
 def _divided(touches: Touches) -> tuple[Touches, Touches]:
@@ -388,14 +378,22 @@ class SpaceField:
     """log p(touches | object, object_in_robot) for the touches of a sequence so far, given the object independent.
 
     labels: the objects. maps: the signed distances to each one's surface. rays: through the pad. touching: how the pad
-    feels.
+    feels, and the weight of each touch of the sequence so far. trust: that weight by how many touches met the object,
+    of touches at random and of chosen ones.
     """
 
-    def __init__(self, charts: Mapping[str, Chart], rays: Rays, touching: Touching, load: float) -> None:
+    def __init__(
+        self,
+        charts: Mapping[str, Chart],
+        rays: Rays,
+        touching: Touching,
+        load: float,
+        trust: tuple[Trust, Trust] = (Trust(), Trust()),
+    ) -> None:
         """Take what was learned of objects, by label. load: N that a touch carries."""
         self.maps = {label: chart.voxels for label, chart in charts.items()}
         self.labels = tuple(charts)
-        self.rays, self.touching, self._load = rays, touching, load
+        self.rays, self.touching, self._load, self.trust = rays, touching, load, trust
         self._corners = corners_of(touching)
         self._surfaces = [chart.surface for chart in charts.values()]
         self.reset()
@@ -419,27 +417,45 @@ class SpaceField:
         for label in train.objects:
             mine = train.labels == label
             touches[label] = Touches.at(train.readings[mine], train.poses[mine])
-        touching, load = learn_touching(touches, train.taxel_points, rays, dense, options.cell, stroke)
+        touching, load, left_out = learn_touching(
+            touches, train.taxel_points, rays, dense, options.cell, stroke
+        )
+        some = left_out[:: -(-len(left_out) // _JUDGED)]
+        fields = [(cls({"": chart}, rays, touching, load), out) for chart, out in some]
+        trust = _trust(fields, choose=False), _trust(fields, choose=True)
         charts = {
             label: learn_surface(mine, dense, touching.stiffness, options.cell, stroke)
             for label, mine in touches.items()
         }
-        return cls(charts, rays, touching, load)
+        return cls(charts, rays, touching, load, trust)
 
     def reset(self) -> None:
         """Forget all touches."""
         self._readings = np.empty((0, len(self.touching.taxel)))
         self._sensors = np.empty((0, 7))
+        self._contacts, self._chosen = 0, False
+        self._weigh()
 
     @property
     def touches(self) -> int:
         """Count the readings so far; several pads that touch at once are as many."""
         return len(self._readings)
 
-    def append(self, readings: FloatArray, sensors_in_robot: FloatArray) -> None:
-        """Add touches: readings (m, taxels) kPa at poses (m, 7), in the robot's frame."""
+    def append(self, readings: FloatArray, sensors_in_robot: FloatArray, chosen: bool = False) -> None:
+        """Add touches: readings (m, taxels) kPa at poses (m, 7), in the robot's frame.
+
+        chosen: whether they were chosen by what they say; then the sequence is one of chosen touches.
+        """
         self._readings = np.concatenate([self._readings, readings])
         self._sensors = np.concatenate([self._sensors, sensors_in_robot])
+        loud = readings.sum(axis=1) > LOUD * np.linalg.norm(self.touching.noise)
+        self._contacts += int(np.count_nonzero(loud))
+        self._chosen |= chosen
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Give all touches so far the weight that such a sequence has."""
+        self.touching = self.touching._replace(trust=self.trust[self._chosen](self._contacts))
 
     def log_p(
         self, label_index: int, object_in_robot: FloatArray, first: int = 0, last: int | None = None
@@ -501,3 +517,98 @@ def surfaces_of(estimator: object) -> Mapping[str, Surface]:
     if not isinstance(field, SpaceField):
         return {}
     return {label: field.surface(number) for number, label in enumerate(field.labels)}
+
+
+_TRAVEL = 1.0  # mm by which a pad's travel may be off what is foreseen
+_IMAGE = 0.2  # of the usual largest pressure, by which a taxel may be off; neighbours share errors
+_PLACES = 4.0  # taxels that are as good as independent
+
+
+def information(
+    field: SpaceField, label: NDArray[np.int64], pose: FloatArray, candidates: FloatArray
+) -> FloatArray:
+    """Estimate the expected information (k,) nats of touches that start at sensor_in_robot poses (k, 7).
+
+    label: (states,), pose: (states, 7) object_in_robot, equally probable. It is at most log(states).
+    """
+    count = len(candidates)
+    travel, image = [], []
+    for one, place in zip(label.tolist(), pose, strict=True):
+        gone, seen = field.foresee(one, np.tile(place, (count, 1)), candidates)
+        travel.append(gone)
+        image.append(seen)
+    gone, seen = np.stack(travel, axis=1), np.stack(image, axis=1)  # (k, states), (k, states, taxels)
+    largest = seen.max(axis=2)
+    width = _IMAGE * float(np.median(largest[largest > 0])) if (largest > 0).any() else 1.0
+    squares = (seen**2).sum(axis=2)
+    apart = np.maximum(
+        squares[:, :, None] + squares[:, None, :] - 2 * np.einsum("kst,kut->ksu", seen, seen), 0.0
+    )
+    off = ((gone[:, :, None] - gone[:, None, :]) / _TRAVEL) ** 2
+    off += apart * (_PLACES / seen.shape[2] / width**2)
+    return np.asarray(-np.log(np.exp(-0.5 * off).mean(axis=2)).mean(axis=1), dtype=float)
+
+
+def scattered(pose: FloatArray, factor: FloatArray, normal: FloatArray) -> FloatArray:
+    """Move poses (n, 7) by normal numbers (n, 6) that lower Cholesky factors of the information (n, 6, 6) scale."""
+    off = np.linalg.solve(np.swapaxes(factor, 1, 2), normal[:, :, None])[:, :, 0]
+    return rigid.compose(pose, np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1))
+
+
+def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
+    """Weigh touches so that 90 % regions hold the true pose in 90 % of sequences of left-out ones, at most 1.
+
+    The best pose near the true one exceeds it in log p by half a chi-square of the pose's six numbers, if the touches
+    are weighed right (Wilks 1938). The weight is what makes 90 % of that the excess that is not exceeded in 90 % of
+    the sequences: split conformal prediction (Vovk et al. 2005) with this excess as the score. It grows with
+    the touches, which share the errors of the map, and more so where touches are chosen that should say much, as a
+    filter chooses them: there the map has fine parts, and errs.
+
+    left_out: a field of each object, alone, and touches that it was learned without, the object in the robot's frame.
+    """
+    rng = np.random.default_rng(0)
+    begun = scattered(
+        np.tile(rigid.IDENTITY, (_BEGUN, 1)), np.tile(np.diag(1 / np.repeat(_NEAR, 3)), (_BEGUN, 1, 1)),
+        rng.standard_normal((_BEGUN, 6)),
+    )  # fmt: skip
+    begun[0] = rigid.IDENTITY
+    excess: dict[int, list[float]] = {}
+    most = min([_MANY, *(len(out.readings) for _, out in left_out)])
+    for field, out in left_out:
+        sensors = np.concatenate([out.places, rigid.quaternion(out.turns)], axis=1)
+        back = field.reach(0) + np.linalg.norm(out.places, axis=1, keepdims=True)
+        starts = np.concatenate([out.places - back * out.turns[:, :, 2], sensors[:, 3:]], axis=1)
+        for _ in range(_SEQUENCES if most > _FEW else 0):
+            left, pose = rng.permutation(len(sensors)), begun
+            field.reset()
+            while field.touches < most:
+                which = 0
+                if choose and field.touches >= _ALONE:
+                    pose, bent, log_p = field.climb(0, pose, _CHOOSING)
+                    some = Weights(log_p).systematic(_STATES, rng)
+                    normal = rng.standard_normal((_STATES, 6))
+                    states = scattered(pose[some], np.linalg.cholesky(bent[some]), normal)
+                    said = information(
+                        field, np.zeros(_STATES, dtype=np.int64), states, starts[left[:_OFFERED]]
+                    )
+                    which = int(said.argmax())
+                field.append(out.readings[left[which], None], sensors[left[which], None])
+                left = np.delete(left, which)
+                if field.touches in (_FEW, most):
+                    best = field.climb(0, begun, _STEPS)[2].max()
+                    true = field.log_p(0, rigid.IDENTITY[None])[0]
+                    excess.setdefault(field.touches, []).append(float(best - true))
+    if not excess:
+        return Trust()
+    few, many = (conformal(excess[count], _SHARE) / _EXCESS for count in (_FEW, most))
+    shared = max(0.0, (many - few) / (most - _FEW))
+    return Trust(own=max(few - _FEW * shared, 1 - shared), shared=shared)
+
+
+def conformal(scores: Sequence[float], share: float) -> float:
+    """Give the score that so large a share of further ones does not exceed, if all are exchangeable: split conformal.
+
+    The greatest one if there are too few for that.
+    """
+    rank = math.ceil(share * (len(scores) + 1))
+    return sorted(scores)[min(rank, len(scores)) - 1]

@@ -13,7 +13,7 @@ from tactsim.core import rigid
 from tactsim.core.compiling import Reals2D, Reals3D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.states import Weights, highest_power
-from tactsim.solids.field import SpaceField
+from tactsim.solids.field import SpaceField, scattered
 
 _FIRST, _LATER = 2, 5  # steps of all candidates, and of those that are left
 _CLIMBING, _MOST = 150, 60  # candidates that are left, and modes
@@ -101,10 +101,8 @@ def draw(
     which = np.minimum(
         np.searchsorted(steps, (np.arange(count) + rng.random()) / count * steps[-1]), len(steps) - 1
     )
-    normal = rng.standard_normal((count, 6, 1)) * math.sqrt(_WIDER)
-    off = np.linalg.solve(np.swapaxes(modes.factor[which], 1, 2), normal)[:, :, 0]
-    at = modes.pose[which]
-    pose = rigid.compose(at, np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1))
+    normal = rng.standard_normal((count, 6)) * math.sqrt(_WIDER)
+    pose = scattered(modes.pose[which], modes.factor[which], normal)
     label = modes.label[which]
     away = _away(modes.pose, modes.factor, pose) / _WIDER
     held = np.log(np.diagonal(modes.factor, axis1=1, axis2=2)).sum(axis=1) - 3 * math.log(
@@ -198,10 +196,10 @@ class MovedParticles:
         start, log_p = (self.log_weight - self.power * self.log_p)[chosen], self.log_p[chosen]
         return Weights(start + highest_power(start, log_p, min(least, len(chosen) / 4)) * log_p)
 
-    def take_in(self, log_p: FloatArray) -> None:
-        """Add a touch's log p (n,)."""
-        self.log_weight = self.log_weight + self.power * log_p
-        self.log_p = self.log_p + log_p
+    def take_in(self, log_p: FloatArray, weight: float = 1.0) -> None:
+        """Add a touch's log p (n,); those before count `weight` times as much as they did."""
+        log_p = weight * self.log_p + log_p
+        self.log_weight, self.log_p = self.log_weight + self.power * (log_p - self.log_p), log_p
 
     def lower_power(self, least: float) -> None:
         """Set the power as near 1 as leaves at least so many particles effective.

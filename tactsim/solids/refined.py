@@ -16,42 +16,12 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.rigid import checked_poses
 from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
 from tactsim.estimators.filters.states import Weights
-from tactsim.solids.field import SpaceField, SpaceMapOptions
+from tactsim.solids.field import SpaceField, SpaceMapOptions, information
 from tactsim.solids.particles import MovedParticles, born, draw, evidence, find_modes, mean_around
 from tactsim.solids.pose_search import PointReader, PoseSearch
 from tactsim.solids.scan import SpaceScan
 
 STATES = 48  # drawn from the belief for one choice
-_TRAVEL = 1.0  # mm by which a pad's travel may be off what is foreseen
-_IMAGE = 0.2  # of the usual largest pressure, by which a taxel may be off; neighbours share errors
-_PLACES = 4.0  # taxels that are as good as independent
-
-
-def information(
-    field: SpaceField, label: NDArray[np.int64], pose: FloatArray, candidates: FloatArray
-) -> FloatArray:
-    """Estimate the expected information (k,) nats of touches that start at sensor_in_robot poses (k, 7).
-
-    label: (states,), pose: (states, 7) object_in_robot, equally probable. It is at most log(states).
-    """
-    count = len(candidates)
-    travel, image = [], []
-    for one, place in zip(label.tolist(), pose, strict=True):
-        gone, seen = field.foresee(one, np.broadcast_to(place, (count, 7)), candidates)
-        travel.append(gone)
-        image.append(seen)
-    gone, seen = np.stack(travel, axis=1), np.stack(image, axis=1)  # (k, states), (k, states, taxels)
-    largest = seen.max(axis=2)
-    width = _IMAGE * float(np.median(largest[largest > 0])) if (largest > 0).any() else 1.0
-    squares = (seen**2).sum(axis=2)
-    apart = np.maximum(
-        squares[:, :, None] + squares[:, None, :] - 2 * np.einsum("kst,kut->ksu", seen, seen), 0.0
-    )
-    off = ((gone[:, :, None] - gone[:, None, :]) / _TRAVEL) ** 2
-    off += apart * (_PLACES / seen.shape[2] / width**2)
-    return np.asarray(-np.log(np.exp(-0.5 * off).mean(axis=2)).mean(axis=1), dtype=float)
-
-
 _LEAST = 1e-9  # the share of the belief that an object keeps
 _LATER = 1.5  # times as many contacts as at the last search make another one due
 _SEEDS = 75  # particles that modes are sought from, beside the better ones of a search's seeds
@@ -150,7 +120,7 @@ class SpaceRefinedFilter(Estimator):
         self._search.reset()
         # Proposals have a random stream of their own: the estimates are the same whether they are asked for or not.
         self._planning, self._rng = rng.spawn(1)[0], rng
-        self._started, self._due, self._open = True, 0.0, True
+        self._started, self._due, self._open, self._proposed = True, 0.0, True, False
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
         place = rng.uniform(-1, 1, (count, 3)) * self.options.reach
@@ -167,13 +137,15 @@ class SpaceRefinedFilter(Estimator):
         """
         self._check_started("update")
         readings, sensors = check_touch(reading, sensor_in_robot, len(self.taxel_points))
-        self.field.append(readings, sensors)
+        before = self.field.touching.trust
+        self.field.append(readings, sensors, self._proposed)
         chosen, old = self.options, self._particles
         met = np.flatnonzero(self.reader.met(readings))
         places = [self.reader.anchor(readings[one], sensors[one]) for one in met.tolist()]
         self._touched = np.concatenate([self._touched, *(place[None] for place in places)])
         self._search.take_in(readings, sensors)
-        old.take_in(self._log_p(old.label, old.pose, self.field.touches - len(readings)))
+        log_p = self._log_p(old.label, old.pose, self.field.touches - len(readings))
+        old.take_in(log_p, self.field.touching.trust / before)
         contacts = len(self._touched)
         if not contacts:
             return
@@ -223,6 +195,7 @@ class SpaceRefinedFilter(Estimator):
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
         """Choose the index of the start (k, 7), sensor_in_robot, whose touch should say most about the state."""
         self._check_started("propose")
+        self._proposed = True
         starts = checked_poses(candidates, "candidates")
         if starts.ndim != 2 or not len(starts):
             raise InputError(

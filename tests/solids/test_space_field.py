@@ -5,7 +5,8 @@ import pytest
 import toy_solids as toy
 
 from tactsim.core import rigid
-from tactsim.solids.field import SpaceField, SpaceMapOptions
+from tactsim.estimators.filters.trust import Trust
+from tactsim.solids.field import SpaceField, SpaceMapOptions, conformal
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,8 @@ def test_objects_and_poses_are_told_apart(scan, field):
         own = field.log_p(number, rigid.IDENTITY[None])[0]
         others = [field.log_p(other, rigid.IDENTITY[None])[0] for other in range(3) if other != number]
         away = toy.placed(np.repeat(rigid.IDENTITY[None], 50, axis=0), rng, mm=2.0, rad=0.2)
-        assert own > max(others) + 4 * field.touches  # what one touch says is bounded
+        # What one touch says is bounded, and touches are weighed.
+        assert own > max(others) + 4 * field.touches * field.touching.trust
         assert own > field.log_p(number, away).max()
 
 
@@ -81,6 +83,27 @@ def touched(field, scan, label, count=10):
     field.reset()
     field.append(test.readings[mine], test.poses[mine])
     return field.labels.index(label)
+
+
+def test_touches_count_less_the_more_meet_the_object_and_less_where_they_are_chosen(scan, field):
+    assert all(trust(1) <= 1 and trust(20) <= trust(4) for trust in field.trust)
+    met, missed = scan.where("test").readings[:1], np.zeros((1, 36))
+    other = SpaceField({}, field.rays, field.touching, 2.0, (Trust(own=1, shared=0.5), Trust(own=3)))
+    weights = [other.touching.trust]
+    for reading, chosen in ((met, False), (missed, False), (met, False), (met, True), (met, False)):
+        other.append(reading, rigid.IDENTITY[None], chosen)
+        weights.append(other.touching.trust)
+    np.testing.assert_allclose(weights, [1 / 1.5, 1 / 1.5, 1 / 1.5, 1 / 2, 1 / 3, 1 / 3])
+    other.reset()
+    assert other.touching.trust == weights[0]
+
+
+def test_a_further_score_exceeds_the_conformal_one_as_seldom_as_is_said():
+    rng = np.random.default_rng(0)
+    scores = rng.exponential(size=(4000, 20))
+    limits = np.array([conformal(some[:-1].tolist(), 0.9) for some in scores])
+    assert (scores[:, -1] <= limits).mean() == pytest.approx(0.9, abs=0.02)  # 18 of 20
+    assert conformal([3.0, 1.0], 0.9) == 3.0
 
 
 def test_poses_climb_to_where_touches_agree(scan, field):

@@ -61,7 +61,7 @@ class ToyField:
         self.maps = {label: voxels for label, (voxels, _) in charts.items()}
         self.surfaces = [surface for _, surface in charts.values()]
         self.labels, self.width = tuple(solids), width
-        self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0))
+        self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0), trust=1.0)
         self.reader = PointReader(TAXELS, toy.STIFFNESS, 2.0)
         self.reset()
 
@@ -72,7 +72,7 @@ class ToyField:
     def touches(self):
         return len(self.points)
 
-    def append(self, readings, sensors):
+    def append(self, readings, sensors, chosen=False):
         for reading, sensor in zip(readings, sensors, strict=True):
             seen = self.reader.read(reading[None], sensor[None])
             way = np.concatenate(
@@ -291,6 +291,10 @@ def test_a_touch_that_is_taken_in_is_weighed_once():
     particles.take_in(new)
     np.testing.assert_allclose(particles.rest, before + new)
     np.testing.assert_allclose(particles.log_p, log_p_before + new)
+    # Those before may count less than they did: as if they had been weighed so from the start.
+    before, start = particles.log_p.copy(), particles.log_weight - particles.power * particles.log_p
+    particles.take_in(new, 0.5)
+    np.testing.assert_allclose(particles.rest, start + 0.5 * before + new)
 
 
 def test_a_belief_that_one_particle_would_hold_is_spread_over_those_that_power_leaves():
