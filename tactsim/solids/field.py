@@ -587,7 +587,8 @@ def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
                     pose, bent, log_p = field.climb(0, pose, _CHOOSING)
                     some = Weights(log_p).systematic(_STATES, rng)
                     normal = rng.standard_normal((_STATES, 6))
-                    states = scattered(pose[some], np.linalg.cholesky(bent[some]), normal)
+                    factor = np.asarray(np.linalg.cholesky(bent[some]), dtype=float)
+                    states = scattered(pose[some], factor, normal)
                     said = information(
                         field, np.zeros(_STATES, dtype=np.int64), states, starts[left[:_OFFERED]]
                     )
