@@ -337,7 +337,10 @@ def read_session(path: str | Path) -> SessionRecord:
     replay = Replay(path, corrected=False, on_note=take)
     readings = sum(1 for _ in replay)
     if plan is None:
-        raise SourceError(f"{path} is no recording of a guided session; `bench record --letter` makes one")
+        raise SourceError(
+            f"{path} is no recording of a guided session, which `bench record` makes with --letter or --shape; of "
+            "others `bench replay --marks FILE` makes a scan"
+        )
     return SessionRecord(
         Path(path), plan, replay.pad, replay.whole, readings, presses, calibrations, segments
     )

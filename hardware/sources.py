@@ -59,7 +59,7 @@ def open_source(
     Raises InputError if there is no such source, it cannot be opened, or it is corrected already.
     """
     name, _, rest = places[0].partition(":") if places else ("", "", "")
-    known = name in names()
+    known = name in names() and places[0] != "port"  # a port may be called so, too
     if known or _looks_like_a_name(name, rest):
         opener: Opener = _SOURCES.load(name)
         places = [rest, *places[1:]]

@@ -213,6 +213,7 @@ def test_a_recording_with_a_calibration_takes_no_other(tmp_path):
 @pytest.mark.parametrize(
     ("place", "message"),
     [("recordin:x", "unknown source 'recordin': did you mean 'recording'"),
+     ("port", "cannot open port: there is no such port"),
      ("simulated:?@0,0,0", "unknown letter"), ("simulated:A@0,0,nan", "a pose is written x,y,theta")],
 )  # fmt: skip
 def test_a_place_that_is_none_is_one_line(place, message):
