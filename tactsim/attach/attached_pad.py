@@ -199,13 +199,13 @@ class AttachedPad:
         # A model that was attached to another one with a prefix renames its geoms.
         names = [geom if isinstance(geom, str | int) else geom.name for geom in self.geoms]
         numbers = {model.geom(i).name or i: i for i in range(model.ngeom)}
-        if missing := [name for name in names if name not in numbers]:
+        if any(name not in numbers for name in names):
             raise InputError(
-                f"the model has no geom {missing[0]!r}: compile it after `attach`, from the spec that the pad is "
+                f"the model has no {self.name}: compile it after `attach`, from the spec that the pad is "
                 "attached to; to a copy in another spec a pad is attached by its name there"
             )
         geoms = [numbers[name] for name in names]
-        what, first = (f"geom {names[0]!r}" if len(names) == 1 else self.name), geoms[0]
+        first = geoms[0]
         kind, size = int(model.geom_type[first]), model.geom_size[first]
         x_low, x_high, y_low, y_high = self.pad.load_bounds
         low, high = np.array([x_low, y_low]), np.array([x_high, y_high])
@@ -214,23 +214,23 @@ class AttachedPad:
             return bool((np.minimum(low - surface.face.low, surface.face.high - high) < -1e-9).any())
 
         if len(geoms) > 1 or kind == mujoco.mjtGeom.mjGEOM_MESH:
-            surface = relief_surface(model, geoms, self.normal, self.at, what)
+            surface = relief_surface(model, geoms, self.normal, self.at, self.name)
         else:
             axes = pad_axes(self.normal)
             if isinstance(self.geoms[0], mujoco.MjsGeom) and self.geoms[0].meshname:
                 axes = _fitted(kind, axes, model.mesh_quat[model.mesh(self.geoms[0].meshname).id])
-            surface = pad_surface(kind, size, axes, self.at, str(names[0]))
+            surface = pad_surface(kind, size, axes, self.at, self.name)
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE and too_large(surface):
-                surface = pad_surface(kind, size, axes, self.at, str(names[0]), over_ends=True)
+                surface = pad_surface(kind, size, axes, self.at, self.name, over_ends=True)
         if too_large(surface):
             ends = [*surface.face.low, *surface.face.high]
             raise InputError(
-                f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {what} from "
+                f"the pad reaches from ({x_low:g}, {y_low:g}) to ({x_high:g}, {y_high:g}) mm and {self.name} from "
                 f"({ends[0]:.4g}, {ends[1]:.4g}) to ({ends[2]:.4g}, {ends[3]:.4g}) mm "
                 "about the pad's middle: choose a smaller pad"
             )
-        _refuse_unfelt(model, geoms)
-        return PadReader(model, geoms, self.pad, surface, self.layer)
+        _refuse_unfelt(model, geoms, self.name)
+        return PadReader(model, geoms, self.name, self.pad, surface, self.layer)
 
 
 def attach(
@@ -350,7 +350,7 @@ def _overlap(reader: PadReader, other: PadReader) -> bool:
     return bool((inside & (np.abs(points - below.points).max(axis=1) < _THIN)).any())
 
 
-def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:
+def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int], pads: str) -> None:
     """Raise InputError if a height field, a signed distance field or a flex can touch the pad's geoms."""
     felt = touchable(model, geoms)
     for geom in np.flatnonzero(felt & np.isin(model.geom_type, _UNFELT)):
@@ -360,8 +360,8 @@ def _refuse_unfelt(model: mujoco.MjModel, geoms: list[int]) -> None:
         if ((own[0] & model.flex_conaffinity[flex]) | (own[1] & model.flex_contype[flex])).any():
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex)
             raise InputError(
-                f"flex {name!r} can touch the pad's geom {model.geom(geoms[0]).name!r}: a pad feels "
-                "rigid geoms only, so keep the two apart by contype and conaffinity"
+                f"flex {name!r} can touch {pads}: a pad feels rigid geoms only, so keep the two apart by contype and "
+                "conaffinity"
             )
 
 
@@ -379,7 +379,7 @@ def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
 def _find(
     spec: mujoco.MjSpec | mujoco.MjModel, geom: str | mujoco.MjsGeom | mujoco.MjsBody
 ) -> tuple[tuple[mujoco.MjsGeom | str | int, ...], str, int]:
-    """Find geoms in a spec or a model: each (or its name, or number), what to call them, and the type of the first."""
+    """Find geoms in a spec or a model: each (or its name, or number), what a user calls them, and the type of the first."""
     if not isinstance(spec, mujoco.MjSpec | mujoco.MjModel):
         raise InputError(f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec))}")
     compiled = isinstance(spec, mujoco.MjModel)
@@ -408,7 +408,8 @@ def _find(
     def touches(one: mujoco.MjsGeom) -> bool:
         return bool(one.contype or one.conaffinity or one.name in paired)
 
-    if geom in [one.name for one in every] or isinstance(named, mujoco.MjsGeom):
+    alone = geom in [one.name for one in every] or isinstance(named, mujoco.MjsGeom)
+    if alone:
         geoms = [named]
         if not touches(named):
             raise InputError(
@@ -427,7 +428,10 @@ def _find(
             one.name = next(name for name in names if name not in taken)
             taken.add(one.name)
     first = int(np.ravel(geoms[0].type)[0]) if len(geoms) == 1 else int(mujoco.mjtGeom.mjGEOM_MESH)
-    name = geoms[0].name if len(geoms) == 1 else f"body {named.name!r}"
+    name = f"{'geom' if alone else 'body'} {named.name!r}"
+    if alone and not isinstance(geom, str) and named.name.startswith(f"{named.parent.name}_pad"):
+        of_body = [one.name for one in named.parent.geoms]
+        name = f"geom {of_body.index(named.name)} of body {named.parent.name!r}"
     body = None if compiled or first != mujoco.mjtGeom.mjGEOM_MESH else geoms[0].parent
     if body and spec.compiler.fusestatic and body != spec.worldbody and not (body.joints or body.mocap):
         raise InputError(

@@ -77,10 +77,14 @@ class PadReader:
     """A pad on a geom of a compiled model."""
 
     def __init__(
-        self, model: mujoco.MjModel, geoms: Sequence[int], pad: Pad, surface: PadSurface, layer: Layer
+        self, model: mujoco.MjModel, geoms: Sequence[int], name: str, pad: Pad, surface: PadSurface, layer: Layer
     ) -> None:
-        """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt."""
+        """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt.
+
+        name: what the user calls them.
+        """
         self.model, self.geoms, self.pad, self.surface = model, tuple(geoms), pad, surface
+        self._name = name
         self._centre = layer.centre
         columns, rows = np.array(pad.column_edges), np.array(pad.row_edges)
         bounds = np.array(pad.load_bounds, float).reshape(2, 2)
@@ -213,7 +217,7 @@ class PadReader:
         if (sunk := sums[7] * taxels.stiffness / own) > face.depth and not self._warned:
             self._warned = True
             warnings.warn(
-                f"the layer on geom {self.model.geom(self.geom).name!r} gives way by {sunk:.3g} mm under "
+                f"the layer on {self._name} gives way by {sunk:.3g} mm under "
                 f"{sums[0]:.3g} N, by more than its geom is thick ({face.depth:.3g} mm): "
                 "give it a larger stiffness",
                 stacklevel=3,

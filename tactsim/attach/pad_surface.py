@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
-from tactsim.core.errors import InputError, short
+from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 
 _MM = 1e3  # mm in a metre
@@ -96,7 +96,7 @@ def pad_surface(
     kind: mujoco.mjtGeom. size: (3,) m, as in mjModel.geom_size. axes: columns x, y, z, as `pad_axes` lays them; z is
     the outward normal at the pad's middle. at: (2,) mm, the pad's middle from the face's middle along the pad's x and
     y. over_ends: a capsule's side goes on over its ends, true to length along y.
-    Raises InputError, naming the geom, where it has no such face.
+    Raises InputError, which begins with `name`, where the geom has no such face.
     """
     size = np.asarray(size) * _MM
     normal = axes[:, 2]
@@ -125,9 +125,7 @@ def pad_surface(
         face = _face(AROUND, around, -edge - middle, edge - middle, radius)
         return PadSurface(axes @ [0, at[1], radius], axes, face)
     if kind == geom.mjGEOM_CYLINDER:
-        raise InputError(
-            f"geom {name!r} is a cylinder: its pad lies on its side, with a normal across its axis z"
-        )
+        raise InputError(f"{name} is a cylinder: its pad lies on its side, with a normal across its axis z")
     _require(not at.any(), name, "is round: turn the pad's normal instead of giving `at`")
     if kind == geom.mjGEOM_SPHERE or (kind == geom.mjGEOM_CAPSULE and abs(along) > 1 - _PARALLEL):
         radius, beyond = size[0], size[1] if kind == geom.mjGEOM_CAPSULE else 0.0
@@ -141,9 +139,9 @@ def pad_surface(
         edge = _FLATTENED * half[:2]
         return PadSurface(normal * half[2], axes, _face(PROJECTED, half, -edge, edge, half.min()))
     if kind == geom.mjGEOM_CAPSULE:
-        raise InputError(f"geom {name!r} is a capsule: its pad's normal lies across its axis z or along it")
+        raise InputError(f"{name} is a capsule: its pad's normal lies across its axis z or along it")
     what = geom(kind).name.removeprefix("mjGEOM_").lower()
-    raise InputError(f"geom {name!r} is a {what}: a pad lies on a primitive or a mesh")
+    raise InputError(f"{name} is a {what}: a pad lies on a primitive or a mesh")
 
 
 def matrix(quat: FloatArray) -> FloatArray:
@@ -167,7 +165,7 @@ def pad_axes(normal: FloatArray) -> FloatArray:
 
 def _require(holds: bool, name: str, message: str) -> None:
     if not holds:
-        raise InputError(f"geom {short(name)} {message}")
+        raise InputError(f"{name} {message}")
 
 
 @compiled(called_from_python=False)

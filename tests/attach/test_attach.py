@@ -462,7 +462,7 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ),
         ("", {}, "geom is ''; give the name of a geom or a body, or a geom or a body of the spec"),
         ("ghost", {}, "geom 'ghost' cannot touch anything: its contype and conaffinity are 0"),
-        ("palm", {"normal": (1, 1, 0)}, "geom 'box' is a box: its pad looks along an axis"),
+        ("palm", {"normal": (1, 1, 0)}, "body 'palm' is a box: its pad looks along an axis"),
         (
             "capsule",
             {"pad": Pad(rows=40, seam=0.4, unread_columns=1)},
@@ -471,7 +471,7 @@ def test_a_pad_is_found_in_a_model_that_its_own_was_attached_to():
         ),
         ("box", {"stiffness": -1.0}, "stiffness is -1.0; it is a number of kPa/mm above 0"),
         ("box", {"pad": "pad.toml"}, "pad is 'pad.toml'; give a tactsim.Pad, and of a file Pad.load(file)"),
-        ("plain", {"at": (1, 0)}, "geom 'plain_pad0' is round: turn the pad's normal instead of giving `at`"),
+        ("plain", {"at": (1, 0)}, "body 'plain' is round: turn the pad's normal instead of giving `at`"),
     ],
 )
 def test_wrong_input_is_one_line(geom, options, message):
@@ -485,6 +485,9 @@ def test_wrong_input_is_one_line(geom, options, message):
 def test_a_model_without_the_geom_is_one_line():
     spec = mujoco.MjSpec.from_string(SCENE)
     attached = tactsim.press.attach(spec, "box")
+    unnamed = tactsim.press.attach(spec, spec.body("plain").geoms[0])
+    with pytest.raises(InputError, match="the model has no geom 0 of body 'plain': compile"):
+        unnamed.bind(mujoco.MjSpec().compile())
     with pytest.raises(InputError, match="the model has no geom 'box': compile it after `attach`, from the"):
         attached.bind(mujoco.MjSpec().compile())
     with pytest.raises(
@@ -611,7 +614,7 @@ def test_a_mesh_that_is_not_closed_is_its_convex_hull():
             "",
             """<flexcomp name="cloth" type="grid" count="3 3 1" spacing=".05 .05 .05" dim="2" radius=".005">
               <contact {apart}/></flexcomp>""",
-            "flex 'cloth' can touch the pad's geom 'finger': a pad feels rigid geoms only",
+            "flex 'cloth' can touch geom 'finger': a pad feels rigid geoms only",
         ),
     ],
 )
