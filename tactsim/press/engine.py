@@ -70,11 +70,11 @@ def engine_for(touches: Touches, options: ScanOptions) -> str:
         return press.engine
     if has_relief(touches.letter, press):
         return "relief"
+    fine = math.prod(len(lines) - 1 for lines in options.cell_lines) > _MOST_OF_BED
     if touches.letter.rounding:
-        return "bed"
+        return "relief" if fine else "bed"
     level = press.wrist_stiffness is None and not touches.tilts.any()
-    cells = math.prod(len(lines) - 1 for lines in options.cell_lines)
-    return "exact" if level or cells > _MOST_OF_BED else "bed"
+    return "exact" if level or fine else "bed"
 
 
 def _obstacle(engine: str, touches: Touches, options: ScanOptions) -> str:
