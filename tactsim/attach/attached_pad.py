@@ -379,7 +379,7 @@ def _vector(values: Sequence[float], size: int, what: str) -> FloatArray:
 def _find(
     spec: mujoco.MjSpec | mujoco.MjModel, geom: str | mujoco.MjsGeom | mujoco.MjsBody
 ) -> tuple[tuple[mujoco.MjsGeom | str | int, ...], str, int]:
-    """Find geoms in a spec or a model: each (or its name, or number), what a user calls them, and the type of the first."""
+    """Find geoms in a spec or a model: each (its name or number), what a user calls them, the type of the first."""
     if not isinstance(spec, mujoco.MjSpec | mujoco.MjModel):
         raise InputError(f"a pad is attached to a mujoco.MjSpec or an MjModel, got {short(type(spec))}")
     compiled = isinstance(spec, mujoco.MjModel)

@@ -77,7 +77,13 @@ class PadReader:
     """A pad on a geom of a compiled model."""
 
     def __init__(
-        self, model: mujoco.MjModel, geoms: Sequence[int], name: str, pad: Pad, surface: PadSurface, layer: Layer
+        self,
+        model: mujoco.MjModel,
+        geoms: Sequence[int],
+        name: str,
+        pad: Pad,
+        surface: PadSurface,
+        layer: Layer,
     ) -> None:
         """Read a pad on `surface`, which is a face of the first of `geoms`; contacts of all of them are felt.
 
