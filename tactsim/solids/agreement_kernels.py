@@ -23,7 +23,7 @@ class Touching(NamedTuple):
     errs. aside: mm, by how much it, or the pad's place, errs along the pad, which counts where the surface slopes.
     displaced: [mm, rad, rad, mm, mm], by how much the stated pose errs along z, about x and y, and along x and y.
     swept: mm by which the map errs where the pad has passed. freedom: of Student's t. counts: the weight of a taxel.
-    trust: the weight of a touch. worst: about what log p falls to at most, where nothing explains a touch. full: kPa
+    worst: about what log p falls to at most, where nothing explains a touch. full: kPa
     summed over rays that carry a touch's load. stiffer, softer: by how much the logarithm of the stiffness that the
     load asks for is off, above and below. split: by how much that of the part of the load that taxels read is off.
     """
@@ -46,7 +46,6 @@ class Touching(NamedTuple):
     swept: float
     freedom: float
     counts: float
-    trust: float
     worst: float
     full: float
     stiffer: float
@@ -303,7 +302,7 @@ def agreement(touching: Touching, depth: Reals1D, reading: Reals1D, room: Room) 
                 best[a] = min(max(best[a], -limit), limit)
     log_det += 2 * math.log(determinant)
     wide = touching.freedom + counts * max(misfit, 0.0)
-    room.counted[0] = touching.trust * counts * (touching.freedom + counts * taxels) / wide
+    room.counted[0] = counts * (touching.freedom + counts * taxels) / wide
     spread = (touching.freedom + counts * taxels) * math.log(wide / touching.freedom)
     return -0.5 * (counts * log_det + spread)
 

@@ -172,7 +172,7 @@ def add_log_p(
                 for ray in range(len(depth)):
                     felt |= depth[ray] > -ahead
                 said = agreement(touching, depth, readings[m], room) if felt else free[m]
-            log_p[n] += touching.trust * bounded(touching, said, into)
+            log_p[n] += bounded(touching, said, into)
 
 
 @compiled()
@@ -273,9 +273,7 @@ def climb(
                 for ray in range(len(depth)):
                     highest = max(highest, depth[ray])
                     depth[ray] = max(depth[ray], -ahead)
-                total += touching.trust * bounded(
-                    touching, agreement(touching, depth, readings[m], room), into
-                )
+                total += bounded(touching, agreement(touching, depth, readings[m], room), into)
                 if into > HOPELESS:
                     continue
                 if highest > -ahead:

@@ -237,10 +237,12 @@ _FINEST = 1e-3  # mm, rad or kPa of a width: readings without noise ask for none
 _FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and at last
 _FEW, _MANY = 4, 16  # touches that are left out together
 _JUDGED, _SEQUENCES = 12, 3  # objects whose touches are weighed, and sequences of each
-_SHARE, _EXCESS = (
-    0.9,
-    5.322,
-)  # of sequences, and half the chi-square of six numbers that such a share of them has
+_SHARE = 0.9  # of sequences, whose regions are to hold the true pose
+_DRAWN, _WIDER = (
+    300,
+    2.0,
+)  # poses that stand for a belief near the best one, and their variance beside the belief's
+_LEVER = 15.0  # mm of a turn
 _BEGUN, _STEPS = 40, 7  # poses near the true one from which better ones are climbed to, in so many steps
 _NEAR = 0.7, 0.06  # mm and rad: how far off they are along each axis
 _ALONE, _CHOOSING = 2, 2  # touches before any is chosen, and steps to the states that a choice is between
@@ -329,7 +331,7 @@ def _touching(
         share=np.ascontiguousarray(rays.to_taxels[taxel, ray]),
         stiffness=float(stiffness), soft=_SOFT, deepest=deepest, stroke=stroke, noise=np.full(len(points), 2.0),
         rough=0.1, aside=0.2, columns=len(rays.x), step=float(rays.frame[2]),
-        displaced=np.array([0.2, 0.02, 0.02, 0.3, 0.3]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS, trust=1.0,
+        displaced=np.array([0.2, 0.02, 0.02, 0.3, 0.3]), swept=0.5, freedom=_FREEDOM, counts=_COUNTS,
         worst=-1e3, full=full * per_taxel, stiffer=0.5, softer=0.2, split=0.1,
     )  # fmt: skip
 
@@ -378,8 +380,8 @@ class SpaceField:
     """log p(touches | object, object_in_robot) for the touches of a sequence so far, given the object independent.
 
     labels: the objects. maps: the signed distances to each one's surface. rays: through the pad. touching: how the pad
-    feels, and the weight of each touch of the sequence so far. trust: that weight by how many touches met the object,
-    of touches at random and of chosen ones.
+    feels. trust: how much touches count where a region of poses is stated, by how many met the object: of touches at
+    random, and of chosen ones.
     """
 
     def __init__(
@@ -434,7 +436,6 @@ class SpaceField:
         self._readings = np.empty((0, len(self.touching.taxel)))
         self._sensors = np.empty((0, 7))
         self._contacts, self._chosen = 0, False
-        self._weigh()
 
     @property
     def touches(self) -> int:
@@ -451,11 +452,11 @@ class SpaceField:
         loud = readings.sum(axis=1) > LOUD * np.linalg.norm(self.touching.noise)
         self._contacts += int(np.count_nonzero(loud))
         self._chosen |= chosen
-        self._weigh()
 
-    def _weigh(self) -> None:
-        """Give all touches so far the weight that such a sequence has."""
-        self.touching = self.touching._replace(trust=self.trust[self._chosen](self._contacts))
+    @property
+    def too_sure(self) -> float:
+        """Give the factor by which the variances of poses, given all touches so far, are to be larger, 1 at least."""
+        return 1 / self.trust[self._chosen](self._contacts)
 
     def log_p(
         self, label_index: int, object_in_robot: FloatArray, first: int = 0, last: int | None = None
@@ -556,13 +557,12 @@ def scattered(pose: FloatArray, factor: FloatArray, normal: FloatArray) -> Float
 
 
 def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
-    """Weigh touches so that 90 % regions hold the true pose in 90 % of sequences of left-out ones, at most 1.
+    """Find how much touches count so that 90 % regions hold the true pose in 90 % of sequences of left-out ones.
 
-    The best pose near the true one exceeds it in log p by half a chi-square of the pose's six numbers, if the touches
-    are weighed right (Wilks 1938). The weight is what makes 90 % of that the excess that is not exceeded in 90 % of
-    the sequences: split conformal prediction (Vovk et al. 2005) with this excess as the score. It grows with
-    the touches, which share the errors of the map, and more so where touches are chosen that should say much, as a
-    filter chooses them: there the map has fine parts, and errs.
+    Split conformal prediction (Vovk et al. 2005): the score of a sequence is by how many times the radius of its 90 %
+    region the mean pose is off, squared, as variances go. It grows with the touches, which share the errors of the map,
+    and more so where touches are chosen that should say much, as a filter chooses them: there the map has fine parts,
+    and errs. Only the belief near the true pose is looked at.
 
     left_out: a field of each object, alone, and touches that it was learned without, the object in the robot's frame.
     """
@@ -572,7 +572,7 @@ def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
         rng.standard_normal((_BEGUN, 6)),
     )  # fmt: skip
     begun[0] = rigid.IDENTITY
-    excess: dict[int, list[float]] = {}
+    scores: dict[int, list[float]] = {}
     most = min([_MANY, *(len(out.readings) for _, out in left_out)])
     for field, out in left_out:
         sensors = np.concatenate([out.places, rigid.quaternion(out.turns)], axis=1)
@@ -596,14 +596,31 @@ def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
                 field.append(out.readings[left[which], None], sensors[left[which], None])
                 left = np.delete(left, which)
                 if field.touches in (_FEW, most):
-                    best = field.climb(0, begun, _STEPS)[2].max()
-                    true = field.log_p(0, rigid.IDENTITY[None])[0]
-                    excess.setdefault(field.touches, []).append(float(best - true))
-    if not excess:
+                    scores.setdefault(field.touches, []).append(_wrong(field, begun, rng))
+    if not scores:
         return Trust()
-    few, many = (conformal(excess[count], _SHARE) / _EXCESS for count in (_FEW, most))
+    few, many = (conformal(scores[count], _SHARE) for count in (_FEW, most))
     shared = max(0.0, (many - few) / (most - _FEW))
     return Trust(own=max(few - _FEW * shared, 1 - shared), shared=shared)
+
+
+def _wrong(field: SpaceField, begun: FloatArray, rng: np.random.Generator) -> float:
+    """Tell by how many times the radius of its 90 % region the mean pose of the best mode is off, squared.
+
+    begun: (n, 7) poses near the true one, `rigid.IDENTITY`, from which better ones are climbed to.
+    """
+    reached, bent, log_p = field.climb(0, begun, _STEPS)
+    best = int(log_p.argmax())
+    normal = rng.standard_normal((_DRAWN, 6))
+    factor = np.asarray(np.linalg.cholesky(bent[best]), dtype=float) / math.sqrt(_WIDER)
+    drawn = scattered(np.tile(reached[best], (_DRAWN, 1)), np.tile(factor, (_DRAWN, 1, 1)), normal)
+    held = Weights(field.log_p(0, drawn) + 0.5 * (normal**2).sum(axis=1)).normalised
+    of_best = rigid.compose(rigid.invert(reached[best]), np.concatenate([drawn, rigid.IDENTITY[None]]))
+    off = np.concatenate([of_best[:, :3], _LEVER * rigid.to_vector(of_best[:, 3:])], axis=1)
+    *far, wrong = np.linalg.norm(off - held @ off[:-1], axis=1).tolist()
+    order = np.argsort(far)
+    radius = far[order[np.searchsorted(np.cumsum(held[order]), _SHARE)]]
+    return float((wrong / radius) ** 2)
 
 
 def conformal(scores: Sequence[float], share: float) -> float:

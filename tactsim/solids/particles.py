@@ -196,10 +196,10 @@ class MovedParticles:
         start, log_p = (self.log_weight - self.power * self.log_p)[chosen], self.log_p[chosen]
         return Weights(start + highest_power(start, log_p, min(least, len(chosen) / 4)) * log_p)
 
-    def take_in(self, log_p: FloatArray, weight: float = 1.0) -> None:
-        """Add a touch's log p (n,); those before count `weight` times as much as they did."""
-        log_p = weight * self.log_p + log_p
-        self.log_weight, self.log_p = self.log_weight + self.power * (log_p - self.log_p), log_p
+    def take_in(self, log_p: FloatArray) -> None:
+        """Add a touch's log p (n,)."""
+        self.log_weight = self.log_weight + self.power * log_p
+        self.log_p = self.log_p + log_p
 
     def lower_power(self, least: float) -> None:
         """Set the power as near 1 as leaves at least so many particles effective.
@@ -305,10 +305,11 @@ _TRIED = 50  # states, chosen evenly by weight, of which one is the middle of th
 _NEAR, _GYRATION = 3.0, 15.0  # mm about the mode whose states are averaged; an angle counts at that lever
 
 
-def mean_around(poses: FloatArray, weights: FloatArray) -> FloatArray:
+def mean_around(poses: FloatArray, weights: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Average object_in_robot (n, 7) with weights (n,) over the states of the mode that holds the most: (7,).
 
-    A symmetric object has copies that are as probable, far away, and others may look alike: they are left out.
+    Returns also which states (n,) these are. A symmetric object has copies that are as probable, far away, and others
+    may look alike: they are left out.
     """
     reached = np.cumsum(weights)
     chosen = np.unique(np.searchsorted(reached, (np.arange(_TRIED) + 0.5) / _TRIED * reached[-1]))
@@ -318,7 +319,21 @@ def mean_around(poses: FloatArray, weights: FloatArray) -> FloatArray:
     weight = weight / weight.sum()
     off = rigid.to_vector(rigid.multiply(poses[:, 3:], rigid.conjugate(poses[mode, 3:])))
     turned = rigid.multiply(rigid.from_vector(weight @ off), poses[mode, 3:])
-    return np.concatenate([weight @ poses[:, :3], turned / np.linalg.norm(turned)])
+    return np.concatenate([weight @ poses[:, :3], turned / np.linalg.norm(turned)]), near[best]
+
+
+def widened(
+    poses: FloatArray, mean: FloatArray, weight: FloatArray, factor: float, normal: FloatArray
+) -> FloatArray:
+    """Move states (n, 7) at random, so that the variances of a mode become `factor` times as large: (n, 7).
+
+    mean (7,), weight (n,): of that mode's states, not all 0. normal: (m, 6) normal numbers, which are used in turns.
+    """
+    off = rigid.compose(np.tile(rigid.invert(mean), (len(poses), 1)), poses)
+    away = np.concatenate([off[:, :3], rigid.to_vector(off[:, 3:])], axis=1)
+    values, axes = np.linalg.eigh((away * weight[:, None]).T @ away / weight.sum())
+    moved = np.resize(normal, away.shape) * np.sqrt((factor - 1) * np.maximum(values, 0)) @ axes.T
+    return rigid.compose(poses, np.concatenate([moved[:, :3], rigid.from_vector(moved[:, 3:])], axis=1))
 
 
 def _near(poses: FloatArray, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:

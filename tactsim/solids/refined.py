@@ -17,7 +17,7 @@ from tactsim.core.rigid import checked_poses
 from tactsim.estimators.estimator import Estimate, Estimator, PoseSamples, check_order, name_of
 from tactsim.estimators.filters.states import Weights
 from tactsim.solids.field import SpaceField, SpaceMapOptions, information
-from tactsim.solids.particles import MovedParticles, born, draw, evidence, find_modes, mean_around
+from tactsim.solids.particles import MovedParticles, born, draw, evidence, find_modes, mean_around, widened
 from tactsim.solids.pose_search import PointReader, PoseSearch
 from tactsim.solids.scan import SpaceScan
 
@@ -120,6 +120,7 @@ class SpaceRefinedFilter(Estimator):
         self._search.reset()
         # Proposals have a random stream of their own: the estimates are the same whether they are asked for or not.
         self._planning, self._rng = rng.spawn(1)[0], rng
+        self._normal = rng.spawn(1)[0].standard_normal((self.options.particles, 6))
         self._started, self._due, self._open, self._proposed = True, 0.0, True, False
         self._touched = np.empty((0, 3))
         count = _BEFORE * len(self._distinct)
@@ -137,15 +138,13 @@ class SpaceRefinedFilter(Estimator):
         """
         self._check_started("update")
         readings, sensors = check_touch(reading, sensor_in_robot, len(self.taxel_points))
-        before = self.field.touching.trust
         self.field.append(readings, sensors, self._proposed)
         chosen, old = self.options, self._particles
         met = np.flatnonzero(self.reader.met(readings))
         places = [self.reader.anchor(readings[one], sensors[one]) for one in met.tolist()]
         self._touched = np.concatenate([self._touched, *(place[None] for place in places)])
         self._search.take_in(readings, sensors)
-        log_p = self._log_p(old.label, old.pose, self.field.touches - len(readings))
-        old.take_in(log_p, self.field.touching.trust / before)
+        old.take_in(self._log_p(old.label, old.pose, self.field.touches - len(readings)))
         contacts = len(self._touched)
         if not contacts:
             return
@@ -175,7 +174,10 @@ class SpaceRefinedFilter(Estimator):
         )
 
     def estimate(self) -> Estimate:
-        """Say which object it is and where: the mean about the best pose of the most probable object."""
+        """Say which object it is and where: the mean about the best pose of the most probable object.
+
+        Samples are so much wider than the belief as left-out touches say that it is too sure.
+        """
         self._check_started("estimate")
         label, poses, weights = self.belief()
         mass = np.bincount(label, weights.relative, minlength=len(self.labels))
@@ -185,11 +187,14 @@ class SpaceRefinedFilter(Estimator):
         best = int(chance.argmax())
         mine = np.flatnonzero(label == self._alike[best])
         poses, held = poses[mine], Weights(weights.log[mine])
+        mean, near = mean_around(poses, held.normalised)
+        spread = self._particles.spread(mine, _EFFECTIVE).normalised
+        wide = widened(poses, mean, np.where(near, spread, 0.0), self.field.too_sure, self._normal)
         return Estimate(
             label=self.labels[best],
             probabilities=dict(zip(self.labels, chance.tolist(), strict=True)),
-            robot_in_object=rigid.invert(mean_around(poses, held.normalised)),
-            samples=PoseSamples(rigid.invert(poses), self._particles.spread(mine, _EFFECTIVE).normalised),
+            robot_in_object=rigid.invert(mean),
+            samples=PoseSamples(rigid.invert(wide), spread),
         )
 
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:

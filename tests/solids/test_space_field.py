@@ -42,8 +42,7 @@ def test_objects_and_poses_are_told_apart(scan, field):
         own = field.log_p(number, rigid.IDENTITY[None])[0]
         others = [field.log_p(other, rigid.IDENTITY[None])[0] for other in range(3) if other != number]
         away = toy.placed(np.repeat(rigid.IDENTITY[None], 50, axis=0), rng, mm=2.0, rad=0.2)
-        # What one touch says is bounded, and touches are weighed.
-        assert own > max(others) + 4 * field.touches * field.touching.trust
+        assert own > max(others) + 4 * field.touches  # what one touch says is bounded
         assert own > field.log_p(number, away).max()
 
 
@@ -85,17 +84,19 @@ def touched(field, scan, label, count=10):
     return field.labels.index(label)
 
 
-def test_touches_count_less_the_more_meet_the_object_and_less_where_they_are_chosen(scan, field):
+def test_a_belief_is_the_surer_beyond_its_right_the_more_touches_meet_the_object_and_where_they_are_chosen(
+    scan, field
+):
     assert all(trust(1) <= 1 and trust(20) <= trust(4) for trust in field.trust)
     met, missed = scan.where("test").readings[:1], np.zeros((1, 36))
     other = SpaceField({}, field.rays, field.touching, 2.0, (Trust(own=1, shared=0.5), Trust(own=3)))
-    weights = [other.touching.trust]
+    factors = [other.too_sure]
     for reading, chosen in ((met, False), (missed, False), (met, False), (met, True), (met, False)):
         other.append(reading, rigid.IDENTITY[None], chosen)
-        weights.append(other.touching.trust)
-    np.testing.assert_allclose(weights, [1 / 1.5, 1 / 1.5, 1 / 1.5, 1 / 2, 1 / 3, 1 / 3])
+        factors.append(other.too_sure)
+    np.testing.assert_allclose(factors, [1.5, 1.5, 1.5, 2, 3, 3])
     other.reset()
-    assert other.touching.trust == weights[0]
+    assert other.too_sure == factors[0]
 
 
 def test_a_further_score_exceeds_the_conformal_one_as_seldom_as_is_said():

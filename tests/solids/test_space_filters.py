@@ -15,7 +15,7 @@ from tactsim.estimators.contract.checks import objects_are_recognised
 from tactsim.estimators.filters.states import Weights
 from tactsim.solids import pose_search
 from tactsim.solids.field import surface_of
-from tactsim.solids.particles import MovedParticles, born, mean_around
+from tactsim.solids.particles import MovedParticles, born, mean_around, widened
 from tactsim.solids.pose_search import PointReader
 from tactsim.solids.voxels import sparse
 
@@ -56,12 +56,14 @@ def charted(solid, cell, reach=34.0):
 class ToyField:
     """log p of a touch: how far what is touched is from the surface, and what the pad passed is within; both normal."""
 
+    too_sure = 1.0
+
     def __init__(self, solids, width=1.5, cell=0.8):
         charts = {label: charted(solid, cell) for label, solid in solids.items()}
         self.maps = {label: voxels for label, (voxels, _) in charts.items()}
         self.surfaces = [surface for _, surface in charts.values()]
         self.labels, self.width = tuple(solids), width
-        self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0), trust=1.0)
+        self.touching = SimpleNamespace(stiffness=toy.STIFFNESS, noise=np.full(36, 2.0))
         self.reader = PointReader(TAXELS, toy.STIFFNESS, 2.0)
         self.reset()
 
@@ -291,10 +293,6 @@ def test_a_touch_that_is_taken_in_is_weighed_once():
     particles.take_in(new)
     np.testing.assert_allclose(particles.rest, before + new)
     np.testing.assert_allclose(particles.log_p, log_p_before + new)
-    # Those before may count less than they did: as if they had been weighed so from the start.
-    before, start = particles.log_p.copy(), particles.log_weight - particles.power * particles.log_p
-    particles.take_in(new, 0.5)
-    np.testing.assert_allclose(particles.rest, start + 0.5 * before + new)
 
 
 def test_a_belief_that_one_particle_would_hold_is_spread_over_those_that_power_leaves():
@@ -329,23 +327,42 @@ def test_the_heavier_mode_is_averaged_and_not_the_one_of_the_heaviest_state():
     rng = np.random.default_rng(0)
     poses, weights = two_modes((200, 100), rng), np.full(300, 1.0)
     weights[250] = 60.0  # one heavy state of the mode that holds less
-    mean = mean_around(poses, weights / weights.sum())
+    mean, _ = mean_around(poses, weights / weights.sum())
     assert np.linalg.norm(mean[:3] - PLACES[0]) < 0.1
     assert rigid.angle_between(mean[3:], rigid.from_vector(np.array([0.4, 0.1, -0.8]))) < 0.02
     weights[250] = 400.0
-    assert np.linalg.norm(mean_around(poses, weights / weights.sum())[:3] - PLACES[1]) < 1.0
+    assert np.linalg.norm(mean_around(poses, weights / weights.sum())[0][:3] - PLACES[1]) < 1.0
 
 
 def test_the_mean_is_that_of_the_states_near_by():
     poses = two_modes((3, 1), np.random.default_rng(1))
     weights = np.array([0.2, 0.3, 0.1, 0.4])
-    mean = mean_around(poses, weights)
+    mean, near = mean_around(poses, weights)
     np.testing.assert_allclose(mean[:3], np.array([0.2, 0.3, 0.1]) @ poses[:3, :3] / 0.6)
+    assert near.tolist() == [True, True, True, False]
+
+
+def test_both_modes_of_widened_states_have_the_variances_that_are_asked_for():
+    rng = np.random.default_rng(5)
+    poses = two_modes((6000, 3000), rng)
+    mean, near = mean_around(poses, np.full(9000, 1 / 9000))
+    moved = widened(poses, mean, near.astype(float), 4.0, rng.standard_normal((9000, 6)))
+    for mine in (near, ~near):
+        middle, _ = mean_around(poses[mine], np.full(mine.sum(), 1 / mine.sum()))
+        before, after = (
+            rigid.compose(np.tile(rigid.invert(middle), (mine.sum(), 1)), states[mine])
+            for states in (poses, moved)
+        )
+        np.testing.assert_allclose(after[:, :3].var(axis=0), 4 * before[:, :3].var(axis=0), rtol=0.1)
+        turns = [rigid.to_vector(off[:, 3:]).var(axis=0) for off in (before, after)]
+        np.testing.assert_allclose(turns[1], 4 * turns[0], rtol=0.1)
+    same = widened(poses, mean, near.astype(float), 1.0, rng.standard_normal((7, 6)))
+    np.testing.assert_allclose(same, poses, atol=1e-12)
 
 
 def test_a_rotation_and_its_negative_quaternion_are_one():
     poses = two_modes((40, 0), np.random.default_rng(3))
     other = poses.copy()
     other[::2, 3:] *= -1
-    first, second = (mean_around(those, np.full(40, 1 / 40)) for those in (poses, other))
+    first, second = (mean_around(those, np.full(40, 1 / 40))[0] for those in (poses, other))
     assert rigid.angle_between(first[3:], second[3:]) < 1e-6
