@@ -1,8 +1,10 @@
 """No framing invents a frame: whatever is lost, torn or added, each frame read is one that was sent, bit for bit."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from made_pads import described, line_device, small_device
 
@@ -99,6 +101,7 @@ def test_without_one_nothing_that_is_lost_or_added_between_two_marks_does(kind, 
     """Bytes are lost or added between two marks, not both: as many lost as added cannot be told without a checksum.
 
     For the same reason none are added where the data hold a mark: from there on the frame may become as long as one.
+    Frames in a row that begin with the footer may as well be such that end with it, before their own.
     """
     device, mark = UNCHECKED[kind]
     form = device.codec.build()
@@ -111,6 +114,8 @@ def test_without_one_nothing_that_is_lost_or_added_between_two_marks_does(kind, 
                 del frame[first + at]
         elif kind in TOLD_BY_MARKS_ALONE and frame.count(mark) == 1:
             frame[first + 5 : first + 5] = bytes(byte for byte in added if byte not in mark)
+    if kind == "footer":
+        assume(not any(one[:2] == other[:2] == mark for one, other in pairwise(arrived)))
     known = {tuple(numbers(values, 0).values) for values in sent}
     assert set(read(form, b"".join(arrived))) <= known
 
