@@ -187,7 +187,7 @@ def _parsed(name: str, values: Sequence[str]) -> NDArray[Any]:
 
 
 def read_columns(path: Path, kind: Kind) -> Table:
-    """Read the columns of a run of this kind that `write_columns` wrote, with those of its bounds if it has them.
+    """Read the columns of a run of this kind as a bundle keeps them, with those of its bounds if it has them.
 
     Nothing is unpickled. Raises InputError if the file is not whole or lacks a column.
     """

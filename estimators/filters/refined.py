@@ -118,16 +118,11 @@ class RefinedFilter(GridFilter):
         self._by_letter: CoarseBins | PlainBins | None = None
         if isinstance(self.field, TableField) and not many:
             self._coarse = self._by_letter = CoarseBins(self.field, self.grid, skip=self.options.skip)
-        elif isinstance(self.field, TableField):
-            from tactsim.estimators.filters.binned import BinnedBelief
-
-            self._coarse = BinnedBelief(self.field, self.grid, skip=self.options.skip)
         else:
-            from tactsim.estimators.field.plain_field import PlainField
-            from tactsim.estimators.filters.plain_bins import PlainBins
+            from tactsim.estimators.filters.plain_bins import PlainBins, bins_on
 
-            assert isinstance(self.field, PlainField)
-            self._coarse = self._by_letter = PlainBins(self.field, self.grid)
+            self._coarse = bins_on(self.field, self.grid, skip=self.options.skip)
+            self._by_letter = self._coarse if isinstance(self._coarse, PlainBins) else None
         self._bins = bins_of(self.grid)
         self._limits = Limits(
             self.options.cells, _AT_LEAST, self.options.halvings, _ENOUGH, self.options.skip

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
 
 from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
@@ -19,9 +18,6 @@ from tactsim.press.scan_options import ScanOptions
 from tactsim.press.touches import Pressed, Touches
 
 _MOST_OF_BED = 20_000  # cells of a pad, past which MuJoCo takes seconds to compile as many springs
-
-if TYPE_CHECKING:
-    pass
 
 
 def press_at(touches: Touches, options: ScanOptions) -> Pressed:

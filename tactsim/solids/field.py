@@ -242,7 +242,7 @@ _DRAWN, _WIDER = (
     300,
     2.0,
 )  # poses that stand for a belief near the best one, and their variance beside the belief's
-_LEVER = 15.0  # mm of a turn
+GYRATION = 15.0  # mm, the lever at which an angle counts beside a shift
 _BEGUN, _STEPS = 40, 7  # poses near the true one from which better ones are climbed to, in so many steps
 _NEAR = 0.7, 0.06  # mm and rad: how far off they are along each axis
 _ALONE, _CHOOSING = 2, 2  # touches before any is chosen, and steps to the states that a choice is between
@@ -553,7 +553,18 @@ def information(
 def scattered(pose: FloatArray, factor: FloatArray, normal: FloatArray) -> FloatArray:
     """Move poses (n, 7) by normal numbers (n, 6) that lower Cholesky factors of the information (n, 6, 6) scale."""
     off = np.linalg.solve(np.swapaxes(factor, 1, 2), normal[:, :, None])[:, :, 0]
+    return moved(pose, np.asarray(off, dtype=float))
+
+
+def moved(pose: FloatArray, off: FloatArray) -> FloatArray:
+    """Move poses (n, 7) by [shift, turn] (n, 6), mm and rad, in their own frames."""
     return rigid.compose(pose, np.concatenate([off[:, :3], rigid.from_vector(off[:, 3:])], axis=1))
+
+
+def moves(start: FloatArray, pose: FloatArray) -> FloatArray:
+    """Give the [shift, turn] (n, 6), mm and rad, in the frame of `start` (7,), that bring it to poses (n, 7)."""
+    off = rigid.compose(rigid.invert(start), pose)
+    return np.concatenate([off[:, :3], rigid.to_vector(off[:, 3:])], axis=1)
 
 
 def _trust(left_out: list[tuple[SpaceField, Touches]], choose: bool) -> Trust:
@@ -615,8 +626,7 @@ def _wrong(field: SpaceField, begun: FloatArray, rng: np.random.Generator) -> fl
     factor = np.asarray(np.linalg.cholesky(bent[best]), dtype=float) / math.sqrt(_WIDER)
     drawn = scattered(np.tile(reached[best], (_DRAWN, 1)), np.tile(factor, (_DRAWN, 1, 1)), normal)
     held = Weights(field.log_p(0, drawn) + 0.5 * (normal**2).sum(axis=1)).normalised
-    of_best = rigid.compose(rigid.invert(reached[best]), np.concatenate([drawn, rigid.IDENTITY[None]]))
-    off = np.concatenate([of_best[:, :3], _LEVER * rigid.to_vector(of_best[:, 3:])], axis=1)
+    off = moves(reached[best], np.concatenate([drawn, rigid.IDENTITY[None]])) * np.repeat([1.0, GYRATION], 3)
     *far, wrong = np.linalg.norm(off - held @ off[:-1], axis=1).tolist()
     order = np.argsort(far)
     radius = far[order[np.searchsorted(np.cumsum(held[order]), _SHARE)]]

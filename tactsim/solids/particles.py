@@ -13,7 +13,7 @@ from tactsim.core import rigid
 from tactsim.core.compiling import Reals2D, Reals3D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.filters.states import Weights, highest_power
-from tactsim.solids.field import SpaceField, scattered
+from tactsim.solids.field import GYRATION, SpaceField, moved, moves, scattered
 
 _FIRST, _LATER = 2, 5  # steps of all candidates, and of those that are left
 _CLIMBING, _MOST = 150, 60  # candidates that are left, and modes
@@ -302,7 +302,7 @@ def evidence(log_weight: FloatArray) -> float:
 
 
 _TRIED = 50  # states, chosen evenly by weight, of which one is the middle of the mode
-_NEAR, _GYRATION = 3.0, 15.0  # mm about the mode whose states are averaged; an angle counts at that lever
+_NEAR = 3.0  # mm about the mode whose states are averaged
 
 
 def mean_around(poses: FloatArray, weights: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -329,15 +329,14 @@ def widened(
 
     mean (7,), weight (n,): of that mode's states, not all 0. normal: (m, 6) normal numbers, which are used in turns.
     """
-    off = rigid.compose(np.tile(rigid.invert(mean), (len(poses), 1)), poses)
-    away = np.concatenate([off[:, :3], rigid.to_vector(off[:, 3:])], axis=1)
+    away = moves(mean, poses)
     values, axes = np.linalg.eigh((away * weight[:, None]).T @ away / weight.sum())
-    moved = np.resize(normal, away.shape) * np.sqrt((factor - 1) * np.maximum(values, 0)) @ axes.T
-    return rigid.compose(poses, np.concatenate([moved[:, :3], rigid.from_vector(moved[:, 3:])], axis=1))
+    scale = np.sqrt((factor - 1) * np.maximum(values, 0))
+    return moved(poses, np.resize(normal, away.shape) * scale @ axes.T)
 
 
 def _near(poses: FloatArray, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Tell which poses (n, 7) are near those of the indices (k,): (k, n)."""
     away = ((poses[chosen, None, :3] - poses[:, :3]) ** 2).sum(axis=2)
     turn = 2 * np.arccos(np.minimum(np.abs(poses[chosen, 3:] @ poses[:, 3:].T), 1.0))
-    return np.asarray(away + (_GYRATION * turn) ** 2 <= _NEAR**2)
+    return np.asarray(away + (GYRATION * turn) ** 2 <= _NEAR**2)

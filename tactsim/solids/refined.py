@@ -118,7 +118,7 @@ class SpaceRefinedFilter(Estimator):
         check_order(bool(self.labels), "fit", "reset")
         self.field.reset()
         self._search.reset()
-        # Proposals have a random stream of their own: the estimates are the same whether they are asked for or not.
+        # Proposals have a random stream of their own: asking for them makes regions wider, and changes nothing else.
         self._planning, self._rng = rng.spawn(1)[0], rng
         self._normal = rng.spawn(1)[0].standard_normal((self.options.particles, 6))
         self._started, self._due, self._open, self._proposed = True, 0.0, True, False
