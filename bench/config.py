@@ -320,7 +320,7 @@ class RunConfig(ScanWords):
     bins: int | None = Field(
         None,
         ge=1,
-        description="Histogram bins for each letter: 100, 1000, 10000 (Table I), or at most so many.",
+        description="Histogram bins for each object: 100, 1000, 10000 (Table I), or at most so many.",
     )
     particles: int | None = Field(None, ge=1, description="Particles over all letters (n_P).")
     set: dict[str, Any] = Field({}, description="An option of the estimator, key=value; repeat for several.")
@@ -330,7 +330,7 @@ class RunConfig(ScanWords):
         "in its own trials each letter is held out, the others are known.",
     )
     trials: Annotated[int | Literal["all"], BeforeValidator(_trials)] = Field(
-        10, description="Trials for each letter; all: each test press once, where nobody noted poses."
+        10, description="Trials for each object; all: each test press once, where nobody noted poses."
     )
     readings: int = Field(
         60,
@@ -358,7 +358,7 @@ class RunConfig(ScanWords):
     train_presses: Annotated[int | None, _OTHERS] = Field(
         None,
         ge=1,
-        description="Learn from so many training presses of each letter, spread over it, and not from all.",
+        description="Learn from so many training presses of each object, spread over it, and not from all.",
     )
     presses: Annotated[Path | None, OF_READINGS, _OTHERS] = Field(
         None,

@@ -55,7 +55,6 @@ def perform(
     if estimator is not None:
         config = _with_estimator(config, estimator)
     fitted = estimator_of(config, estimator)  # a wrong option is reported before the work
-    about = about_estimator(fitted)  # before it is fitted, as a run of a sweep says it
     gathered = gather(config, scan=scan, jobs=jobs, cache=cache, progress=progress)
     kind.check_gathered(config, gathered)
     plan = kind.plan(config, gathered.scan, estimator, gathered.objects)
@@ -71,17 +70,18 @@ def perform(
         progress("map", 0, 1)
         fit(fitted, gathered.scan, plan.forward)
         progress("map", 1, 1)
-        trying = perf_counter()
+        about, trying = (
+            about_estimator(fitted),
+            perf_counter(),
+        )  # its bins are as wide as the readings ask for
         if sent is None:
-            done, work = run_trials(plan, fitted, tasks, progress=progress)
+            done = (*run_trials(plan, fitted, tasks, progress=progress), about)
         else:
-            done, work = received_trials(sent, progress)
+            done = received_trials(sent, progress)
     tried = perf_counter()
     seconds = {"fit": trying - fitting, "trials": tried - trying, "total": tried - start}
     source = None if estimator is None else source_of_trials(estimator)
-    run = finished_run(
-        config, gathered, done, work, fitted, about=about, source=source, seconds=seconds, jobs=jobs
-    )
+    run = finished_run(config, gathered, *done, fitted, source=source, seconds=seconds, jobs=jobs)
     return replace(run, plan=plan, maps=kind.maps(fitted))
 
 
@@ -140,24 +140,24 @@ def finished_run(
     gathered: Gathered,
     trials: Trials,
     work: dict[str, Any],
+    about: dict[str, Any],
     estimator: Estimator,
     *,
-    about: dict[str, Any] | None = None,
     source: str | None = None,
     seconds: dict[str, float] | None = None,
     jobs: int | None = None,
 ) -> Run:
     """Score the trials and build the `Run`.
 
-    estimator: the one that did the trials, whose fit to the pad need not be found again, or one like it. about: what
-    `about_estimator` said of it before it was fitted. source: see `source_of_trials`, of an estimator that is not the
+    about: what `about_estimator` says of the fitted estimator. estimator: the one that did the trials, whose fit to the
+    pad need not be found again, or one like it. source: see `source_of_trials`, of an estimator that is not the
     registered one. seconds: of the stages; a sweep, which does the trials of several runs at once, has none.
     """
     scan = gathered.scan
     kind = kinds.load(config.kind)
     said, bounds = kind.said(config, gathered, trials, estimator)
-    about = dict(about or about_estimator(estimator)) | said
     learned = scan.where("train").letters
+    about = about | said
     about |= {
         "letters": list(gathered.letters),
         "scan": dict(scan.meta),

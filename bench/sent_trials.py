@@ -17,10 +17,12 @@ from tactsim.bench.trials import OneTrial, Progress, TrialPlan, Trials, compile_
 from tactsim.core.errors import InputError
 from tactsim.core.workers import batches, wait_for
 from tactsim.estimators import Estimator, create
-from tactsim.estimators.estimator import flatten_work, unflatten_work
+from tactsim.estimators.estimator import about_estimator, flatten_work, unflatten_work
 from tactsim.estimators.registry import load
 
-TrialsDone: TypeAlias = "Future[tuple[Trials, dict[str, Any]]]"
+# Trials, the work that they took, and what `about_estimator` says of the fitted estimator.
+Done: TypeAlias = tuple[Trials, dict[str, Any], dict[str, Any]]
+TrialsDone: TypeAlias = "Future[Done]"
 
 # What a worker fitted last. A worker of Dask may have several threads, each with its own.
 _last = threading.local()
@@ -45,28 +47,27 @@ def send_trials(
     return [(len(part), executor.submit(run_part, plan, part)) for part in divided]
 
 
-def received_trials(
-    sent: Sequence[tuple[int, TrialsDone]], progress: Progress
-) -> tuple[Trials, dict[str, Any]]:
-    """Wait for trials that were sent; returns them in their order, and the estimators' work, summed.
+def received_trials(sent: Sequence[tuple[int, TrialsDone]], progress: Progress) -> Done:
+    """Wait for trials that were sent; returns them in their order, the estimators' work, summed, and what one says.
 
     Raises what a trial raised, as soon as it did, and concurrent.futures.BrokenExecutor if a worker died.
     """
     results = wait_for(sent, lambda done, total: progress("trials", done, total))
     work: Counter[str] = Counter()
-    for _, of_part in results:
+    for _, of_part, _ in results:
         work.update(flatten_work(of_part))
-    return Trials.joined(trials for trials, _ in results), unflatten_work(work)
+    return Trials.joined(trials for trials, *_ in results), unflatten_work(work), results[0][2]
 
 
-def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> tuple[Trials, dict[str, Any]]:
+def run_part(plan: TrialPlan, tasks: Sequence[OneTrial]) -> Done:
     """Do some trials in a worker; the estimator that it fitted last does the parts of one plan that follow."""
     options = json.dumps(plan.options, sort_keys=True, default=str)
     given = hashlib.sha256(plan.given).hexdigest() if isinstance(plan.given, bytes) else ""
     digest = f"{plan.estimator} {options} {plan.scan.digest} {given}"
     if getattr(_last, "digest", None) != digest:
         _last.estimator, _last.digest = fit_plan(plan), digest
-    return run_trials(plan, _last.estimator, tasks, progress=silent)
+        _last.about = about_estimator(_last.estimator)
+    return (*run_trials(plan, _last.estimator, tasks, progress=silent), _last.about)
 
 
 def fit_plan(plan: TrialPlan) -> Estimator:

@@ -26,13 +26,12 @@ from tactsim.bench.experiment import Config, Gathered, estimator_of, finished_ru
 from tactsim.bench.kinds import OF_THE_METHOD
 from tactsim.bench.results import Run
 from tactsim.bench.runs.saved import load, sweep_order
-from tactsim.bench.sent_trials import received_trials, send_trials
+from tactsim.bench.sent_trials import Done, received_trials, send_trials
 from tactsim.bench.tasks import task
 from tactsim.bench.trials import (
     OneTrial,
     Progress,
     TrialPlan,
-    Trials,
     silent,
     source_of_trials,
 )
@@ -207,10 +206,10 @@ def perform(
         def report(now: int) -> None:
             progress("sweep", kept + now, total)
 
-        for name, trials, work in _trials_of_runs(plans, tasks, pool or _local(jobs), report):
+        for name, done in _trials_of_runs(plans, tasks, pool or _local(jobs), report):
             config = todo[name]
             estimator = create(config.estimator, **config.options)
-            run = finished_run(config, gathered[name], trials, work, estimator)
+            run = finished_run(config, gathered[name], *done, estimator)
             with new_folder(places[name]) as inside:
                 results.save(run, inside)
     return list(places.values())
@@ -260,8 +259,8 @@ def _trials_of_runs(
     tasks: Mapping[str, Sequence[OneTrial]],
     pool: Pool,
     report: Callable[[int], None],
-) -> Iterator[tuple[str, Trials, dict[str, Any]]]:
-    """Let workers do the trials of runs, by their names; yield those of a run, with the work, once all are there.
+) -> Iterator[tuple[str, Done]]:
+    """Let workers do the trials of runs, by their names; yield what they did of a run once all is there.
 
     Runs that were at work when a worker died are sent again. report(done) is called with how many trials are done.
     """
@@ -284,7 +283,7 @@ def _trials_of_runs(
                     done += size
                     report(done)
                     if name in sent and all(part.done() for _, part in sent[name]):
-                        yield (name, *received_trials(sent.pop(name), silent))
+                        yield name, received_trials(sent.pop(name), silent)
                         del left[name]
         except BrokenExecutor:
             if attempt == ATTEMPTS:

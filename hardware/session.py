@@ -34,7 +34,7 @@ _STEADY = 0.03  # sd over mean that a steady hand may give force and image, in a
 # At most, for 4 readings or more: n var(total - noise variance) / sum of the noise variances squared.
 _SPREAD = 4.0
 
-_ZERO_MOVED = "its zero has moved; take a tare (t) while nothing touches it"
+_ZERO_MOVED = "its zero has moved; take a tare while nothing touches it"
 
 _GIVE_UP = 30.0  # s beyond its patience after which a machine's press is given up
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @with_options_of(ScanWords, only=("letters", "test_poses", "world"))
 def command_bound(
     words: Words,
-    trials: int = typer.Option(10, min=1, help="Trials for each letter."),
+    trials: int = typer.Option(10, min=1, help="Trials for each object."),
     readings: int = typer.Option(20, min=1, help="Readings a trial, without replacement."),
     scan: Path | None = typer.Option(None, help="Readings from a file of `bench scan` instead of the press."),
     slip: list[str] | None = typer.Option(

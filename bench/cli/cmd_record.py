@@ -45,7 +45,7 @@ def command_record(
     calibration: pads.CalibrationFile = None,
     resume: bool = typer.Option(False, help="Go on with a session that was stopped."),
     poses: str = typer.Option(
-        "grid", help="The poses: grid (the paper's 192), spread:N of the grid, or random:N off the grid."
+        "grid", help="The poses: grid (the paper's 192), spread:N of it far apart, or random:N off it."
     ),
     frames: shared.Frames = 20,
     force: shared.Force = "0.3:20",

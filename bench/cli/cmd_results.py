@@ -164,8 +164,12 @@ def command_compare(
     from tactsim.bench.compare import compare
     from tactsim.bench.runs.saved import load
 
+    folders = [base, *new]
+    for i, folder in enumerate(folders):
+        if folder.resolve() in (of.resolve() for of in folders[:i]):
+            raise InputError(f"{folder} is given twice; give each run once")
     if len(new) > 1:
-        _compare_all([base, *new])
+        _compare_all(folders)
         return
     differences = compare(load(base), load(new[0]))
     table = plain_table("figure", "base", "new", "new - base", "McNemar p", "verdict")
@@ -191,13 +195,6 @@ def _compare_all(folders: list[Path]) -> None:
     from tactsim.bench.runs.saved import load
     from tactsim.bench.runs.tables import heading
 
-    twice = [
-        folder for i, folder in enumerate(folders) if folder.resolve() in {of.resolve() for of in folders[:i]}
-    ]
-    if twice:
-        raise InputError(
-            f"{twice[0]} is given twice, and would count as a method of its own; give each run once"
-        )
     runs = [load(folder) for folder in folders]
     for run in runs[1:]:
         check_same_trials(runs[0], run)

@@ -27,7 +27,7 @@ def command_validate(
         None, help="An estimator that recognises; may be repeated. [default: refined, histogram]"
     ),
     settings: list[str] | None = typer.Option(None, "--set", help="An option of the estimators, key=value."),
-    trials: int = typer.Option(10, min=1, help="Trials for each letter."),
+    trials: int = typer.Option(10, min=1, help="Trials for each object."),
     out: Path | None = typer.Option(
         None, help="A new folder for validation.json, presses.png and world.toml, for `bench scan --world`."
     ),

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.files import new_folder, replacing
+from tactsim.core.scan import from_recording
 
 if TYPE_CHECKING:
     from tactsim.bench.results import Run
@@ -71,7 +72,7 @@ def guess(path: str | Path) -> Format:
         if place.suffix.lower() in one.suffixes or (place.is_dir() and not one.suffixes):
             return one
     if place.suffix == ".tactrec":
-        raise InputError(f"{path} is a recording; `bench replay {path} --scan FILE` makes a scan of it")
+        raise InputError(f"{path} is a recording; make a scan of it with {from_recording(path)}")
     known = [suffix for one in FORMATS.values() for suffix in one.suffixes]
     raise InputError(
         f"{path}: no format has such files; known are {', '.join(known)} and a folder of Parquet as `bench export` "

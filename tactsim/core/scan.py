@@ -364,12 +364,17 @@ class Scan:
                     f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
                 ) from None
             recording = str(path).endswith(".tactrec")
-            made_by = f"`bench replay {path} --scan FILE`" if recording else cls._MADE_BY
+            made_by = from_recording(path) if recording else cls._MADE_BY
             raise InputError(f"scan {path}: {error}; make one with {made_by}") from error
         try:
             return cls(meta=_meta(arrays.pop("meta")), **arrays)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+
+
+def from_recording(path: str | Path) -> str:
+    """Say what makes a scan of a recording, .tactrec."""
+    return f"`bench replay {path} --scan FILE` (and --marks FILE if no session led to its presses)"
 
 
 def is_label(name: str) -> bool:

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -164,7 +165,9 @@ def test_a_letter_held_out_is_tried_as_none_and_marks_the_protocol(here, tmp_pat
     assert len(answer["refused_unknown"]) == len(answer["refused_known"]) == 8
     assert set(answer["confusion"]) == {"A", "E", "O"}
     assert "O" not in {label for row in answer["confusion"].values() for label in row}
-    assert here("compare", "here", "here").returncode == 0
+    shutil.copytree("here", "again")
+    assert here("compare", "here", "again").returncode == 0
+    refused(here("compare", "here", "here"), "here is given twice")
 
 
 def test_a_chosen_order_marks_the_protocol_and_is_timed(here):

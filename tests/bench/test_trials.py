@@ -107,7 +107,7 @@ def test_what_a_worker_gives_is_what_is_done_here_to_the_bit(hold_out):
     )
     with worker_processes(1) as workers:
         tasks = [OneTrial(letter, trial) for letter in "AEI" for trial in range(2)]
-        trials, work = workers.submit(run_part, run.plan, tasks).result(timeout=120)
+        trials, work, _ = workers.submit(run_part, run.plan, tasks).result(timeout=120)
     for field in fields(Trials):
         if not field.name.endswith("_s"):
             assert np.array_equal(getattr(trials, field.name), getattr(run.trials, field.name)), field.name

@@ -482,7 +482,9 @@ def test_columns_that_are_no_taxels_or_poses_are_one_line():
         Scan.from_arrays(table, poses, pd.Series(list("AABB"), index=[3, 2, 1, 0]), pad=PAD)
 
 
-@pytest.mark.parametrize(("read", "where"), [(Scan.load, "make one with"), (formats.read, "is a recording;")])
+@pytest.mark.parametrize(
+    ("read", "where"), [(Scan.load, "make one with"), (formats.read, "make a scan of it with")]
+)
 def test_a_recording_that_is_given_as_a_scan_is_told_what_makes_one_of_it(tmp_path, read, where):
     (tmp_path / "a.tactrec").write_bytes(b"\x89TACTREC\r\n\x1a\n\1\0")
     with pytest.raises(InputError, match=rf"{where} `bench replay {tmp_path}/a.tactrec --scan FILE`"):
