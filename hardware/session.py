@@ -135,6 +135,7 @@ class Session:
         self._recent: deque[FloatArray] = deque(maxlen=self.plan.window)  # images, kPa
         self._taken: list[Reading] = []
         self._untouched = 0
+        self._below = ""  # says that an untouched pad reads less than nothing
         self._since: float | None = None  # host time from which the press has been waited for
         self._before: list[int] = []  # presses in the order in which they were recorded, for `redo`
         self.current = next_press(self.presses, self.plan)
@@ -192,7 +193,7 @@ class Session:
         """Begin the open press anew, since what readings are measured from has changed."""
         if self.phase is not Phase.DONE:
             self._begin(Phase.LIFT)
-            self.message, self._since = "", None
+            self.message, self._below, self._since = "", "", None
 
     def take_anyway(self) -> None:
         """Take the press from now on, touched or not: a hole of the object may lie over the pad."""
@@ -221,17 +222,24 @@ class Session:
         self._untouched = 0
 
     def _watch_zero(self, pressures: FloatArray) -> None:
-        """Say so where a pad that nothing touches reads the force of a press, or a taxel far less than nothing."""
+        """Say so where a pad that nothing touches reads the force of a press, or a taxel far less than nothing.
+
+        What reads too much may be at rest again in a moment, as a sheet that was pressed is; what reads too little is a
+        zero that has moved, and a person's presses wait for a tare.
+        """
         self._recent.append(pressures)
         if len(self._recent) < self.plan.window:
             return
         level = np.mean(self._recent, axis=0)
         least, felt = int(level.argmin()), float(force(level, self.pad))
-        if level[least] < -self.plan.touch_kpa or abs(felt) > self.plan.least_force > 0:
+        low = level[least] < -self.plan.touch_kpa or -felt > self.plan.least_force > 0
+        self._below = ""
+        if low or felt > self.plan.least_force > 0:
             self.message = (
                 f"untouched, the pad reads {felt:.2f} N, taxel {self.called(least)} {level[least]:.1f} kPa: "
                 f"{_ZERO_MOVED}"
             )
+            self._below = self.message if low and self.plan.patience is None else ""
         elif _ZERO_MOVED in self.message:
             self.message = ""
 
@@ -254,8 +262,8 @@ class Session:
             return
         images = np.array(self._recent)
         mean = float(force(images, self.pad).mean())
-        if self._moves(images):
-            self.message = ""
+        if self._moves(images) or self._below:
+            self.message = self._below
         elif mean < self.plan.least_force:
             self.message = f"{mean:.2f} N is too little; press with {self.plan.least_force:g} N or more"
         elif mean > self.plan.most_force:

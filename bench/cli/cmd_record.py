@@ -32,7 +32,9 @@ def command_record(
         ".tactrec.",
     ),
     letter: str | None = typer.Option(
-        None, help="The letter to press, or a label of your own: leads through its 4 x 4 x 12 presses."
+        None,
+        help="The letter to press: leads through its 4 x 4 x 12 presses. Or a label of your own: through those with "
+        "its origin on the pad.",
     ),
     shape_file: Path | None = typer.Option(
         None,
@@ -80,7 +82,7 @@ def command_record(
     from tactsim.hardware.session import Plan
 
     settings = pads.plan_settings(port, described, correction, frames, force, patience)
-    asked = _poses(poses, seed, described.pad, known_letter(letter), pressed)
+    asked = _poses(poses, seed, described.pad, pressed or known_letter(letter))
     plan = {"label": letter, "split": split, "poses": asked} | settings
     _record_session(port, out, described, correction, checked(Plan, plan, "session"), resume, seen, pressed)
 
@@ -105,7 +107,7 @@ def _record_session(
     if pressed is None and known_letter(plan.label) is None:
         console.print(
             f"{plan.label!r} is no letter of the catalogue: it is a label of your own, and the guide draws its origin "
-            "and x axis alone; --shape FILE draws an object",
+            "and x axis alone, and asks for presses with the origin on the pad; --shape FILE draws an object",
             soft_wrap=True,
         )
     station = Station(port, device, calibration, seen == "behind", console)
@@ -176,27 +178,22 @@ def _check_name(out: Path, suffix: str) -> None:
     raise InputError(f"--out {out}: a recording is called FILE{suffix}{also}")
 
 
-def _poses(
-    text: str, seed: int, pad: Pad, pressed: Letter | None, own: Letter | None
-) -> list[tuple[float, ...]]:
+def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None) -> list[tuple[float, ...]]:
     import numpy as np
 
     from tactsim.bench.pad import on_object, touching
     from tactsim.core.poses import spread_out
-    from tactsim.press.scan_poses import grid_poses, random_poses, stage_for
+    from tactsim.press.scan_poses import grid_poses, stage_for
 
-    stage = stage_for(pad, own or pressed)
-    poses = grid_poses(stage)
-    if own is not None:
-        poses = poses[on_object(poses, pad, own)]
+    poses = grid_poses(stage_for(pad, pressed))
+    poses = poses[on_object(poses, pad, pressed)]
     kind, _, number = text.partition(":")
     count = whole_number(number)
     if kind == "spread" and count is not None and 1 <= count <= len(poses):
         poses = np.random.default_rng(seed).permutation(poses)
         poses = poses[spread_out(poses, count)]
     elif kind == "random" and count is not None and 1 <= count <= 100_000:
-        rng = np.random.default_rng(seed)
-        poses = random_poses(rng, count, stage.reach) if own is None else touching(rng, count, pad, own)
+        poses = touching(np.random.default_rng(seed), count, pad, pressed)
     elif text != "grid":
         raise InputError(
             f"--poses {text!r}: say grid, spread:N for N of its {len(poses)} poses, or random:N for N off the grid"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.errors import some
-from tactsim.core.poses import FloatArray, transform
+from tactsim.core.poses import FloatArray, invert, transform
 from tactsim.core.seeds import stream
 from tactsim.hardware.recording import SUFFIX
 from tactsim.hardware.scans import scan_of_sessions
@@ -42,9 +42,8 @@ def poses_to_press(
     They reach as far as those of a scan with this pad, and lie on whole mm and every 5 degrees, where the sheets of
     `bench template` have marks. own: the user's object that is called so, which all of them touch.
     """
-    rng, wanted = stream(seed, label, "measured", f"trial {trial}"), _SPARE * readings
-    stage = stage_for(pad, own or known_letter(label))
-    poses = random_poses(rng, wanted, stage.reach) if own is None else touching(rng, wanted, pad, own)
+    rng = stream(seed, label, "measured", f"trial {trial}")
+    poses = touching(rng, _SPARE * readings, pad, own or known_letter(label))
     steps = (_STEP_MM, _STEP_MM, np.deg2rad(_STEP_DEGREES))
     poses = np.round(poses / steps) * steps
     poses[:, 2] %= 2 * np.pi  # rounding may have made a whole turn
@@ -75,16 +74,24 @@ def measured_scan(folder: Path, letters: Sequence[str], trials: int, readings: i
     return with_letters(replace(kept, meta={**scan.meta, "readings_a_trial": readings}))
 
 
-def on_object(poses: FloatArray, pad: Pad, pressed: Letter) -> NDArray[np.bool_]:
-    """Tell at which poses (n, 3) sensor_in_object a taxel lies on the object, by its corners and its middle."""
+def on_object(poses: FloatArray, pad: Pad, pressed: Letter | None) -> NDArray[np.bool_]:
+    """Tell at which poses (n, 3) sensor_in_object a taxel lies on the object, by its corners and its middle.
+
+    A letter of the catalogue is pressed at all of them, as in the paper. Of what nobody drew (None) its origin is known
+    alone, and has to lie on the pad.
+    """
+    if pressed is None:
+        return (np.abs(invert(poses)[:, :2]) <= np.abs(pad.taxel_xy).max(axis=0)).all(axis=1)
+    if pressed is known_letter(pressed.name):
+        return np.ones(len(poses), dtype=bool)
     half = np.array([pad.taxel_width, pad.taxel_height]) / 2
     corners = half * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)])
     points = (pad.taxel_xy[:, None] + corners).reshape(-1, 2)
     return np.array([covers(pressed.contours, transform(pose, points)).any() for pose in poses])
 
 
-def touching(rng: np.random.Generator, count: int, pad: Pad, pressed: Letter) -> FloatArray:
-    """Draw poses (count, 3) sensor_in_object within the reach of a scan at which a taxel lies on the object."""
+def touching(rng: np.random.Generator, count: int, pad: Pad, pressed: Letter | None) -> FloatArray:
+    """Draw poses (count, 3) sensor_in_object off the grid, within the reach of a scan; see `on_object`."""
     stage = stage_for(pad, pressed)
     share = max(float(on_object(grid_poses(stage), pad, pressed).mean()), 1 / stage.poses)
     poses = random_poses(rng, int(np.ceil(4 * count / share)), stage.reach)  # since some touch nothing

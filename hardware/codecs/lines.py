@@ -325,7 +325,8 @@ class GuessedLines:
         rows = self.rows if self.rows > 1 else side if side * side == taxels else 1
         lines = ['name = "mine"']
         if self.apart > _NEAR:
-            lines.append(f"largest_offset_kpa = {self.apart:.0f}  # so far apart are untouched taxels")
+            apart = "so far apart are untouched taxels: changes with kpa_per_count"
+            lines.append(f"largest_offset_kpa = {self.apart:.0f}  # {apart}")
         lines += ["[codec]", 'kind = "csv"', f"taxels = {taxels}"]
         if self.before:
             lines.append(f"before = {list(self.before)}".replace("'", '"'))
@@ -486,11 +487,14 @@ def _of_lines(fields: Sequence[list[bytes]], decimal: str) -> GuessedLines | Non
     while len(before) < min(columns - 1, max(skipped + 1, 2)):
         times = [(numbers_in([row[len(before)]]) or [np.nan])[0] for row in alike]
         steps, since = np.diff(times), unit_since_1970(times)
-        kind = "index" if since is None and (steps == 1).all() else "clock"
-        steady = (steps > 0).all() and steps.max() < 3 * steps.min() if since is None else (steps >= 0).all()
-        if kind in before or len(steps) < 3 or not steady:
+        if len(steps) < 3:
+            break
+        # Stale lines before those of now, and a restart, make one odd step of many.
+        least, most = np.quantile(steps, (0.05, 0.95), method="nearest")
+        kind = "index" if since is None and least == most == 1 else "clock"
+        if kind in before or not (least > 0 and most < 3 * least if since is None else least >= 0):
             break
         before.append(kind)
         if kind == "clock":
-            tick_s = since or (1.0 if steps.max() < 1 else 1e-3 if steps.max() < 1000 else 1e-6)
+            tick_s = since or (1.0 if most < 1 else 1e-3 if most < 1000 else 1e-6)
     return GuessedLines(columns, 1, tuple(before), decimal, odd.decode("utf-8", "replace"), tick_s)

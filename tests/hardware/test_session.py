@@ -208,6 +208,19 @@ def test_a_zero_that_has_moved_is_said_and_tared_away(pad, level, says):
     assert (session.phase, session.message) == (Phase.TOUCH, "")
 
 
+def test_a_press_from_a_fallen_zero_waits_for_a_tare_of_a_person(pad):
+    """A machine's press is taken as it is once its patience is over."""
+    for patience, taken in ((0.3, 1), (None, 0)):
+        session = Session(plan(patience=patience), pad)
+        hand = Hand(session, table())
+        hand.pressing = lambda now: np.full(6, -5.0) if now < 0.2 else table()[0] - 5.0
+        assert len(hand.steps(60)) == taken
+    assert "its zero has moved; take a tare" in session.message
+    session.tared()
+    hand.pressing = Pressing(6, hand.wanted, ramp=0.05)
+    assert hand.steps(100)
+
+
 def test_presses_before_and_after_a_tare_have_each_their_zero(tmp_path):
     device, noise = small_device(), 0.1
     with Recorder(tmp_path / "a.tactrec") as recorder:

@@ -10,6 +10,7 @@ import tactsim
 from tactsim.bench.pad import measured_scan, poses_to_press, recording_of
 from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import OneTrial, TrialPlan, TrialRules
+from tactsim.core.poses import invert
 from tactsim.hardware.recording import Kind, Tail
 from tactsim.hardware.scans import read_session, scan_of_sessions
 
@@ -90,6 +91,13 @@ def test_the_poses_of_a_trial_lie_on_the_marks_of_the_template():
     assert (poses[:, 2] < 2 * np.pi).all()
     assert not np.array_equal(poses, poses_to_press("A", 1, 10, seed=0, pad=tactsim.Pad()))
     assert not np.array_equal(poses, poses_to_press("B", 0, 10, seed=0, pad=tactsim.Pad()))
+
+
+def test_what_nobody_drew_is_pressed_with_its_origin_on_the_pad():
+    pad = tactsim.Pad(rows=10, columns=10, pitch_x=2.5, pitch_y=2.5, no_seam=True, unread_columns=0)
+    poses = poses_to_press("stone", 0, 10, seed=0, pad=pad)
+    assert len(poses) == 30
+    assert np.abs(invert(poses)[:, :2]).max() < 12.5
 
 
 def test_a_letters_name_is_no_path(tmp_path):
