@@ -204,8 +204,8 @@ def test_rows_of_which_a_number_was_lost_are_no_frame():
 def test_a_clock_may_begin_anew_or_jump_once(jump):
     """Lines that waited in a buffer come before those of now; a device that restarts counts from 0."""
     rng = np.random.default_rng(0)
-    lines = [f"{9000 + 20 * k + jump * (k > 9)}," + ",".join(map(str, rng.integers(870, 880, 9))) for k in range(60)]
-    assert guess_lines("\n".join(lines).encode()).before == ("clock",)
+    rows = [[9000 + 20 * k + jump * (k > 9), *rng.integers(870, 880, 9)] for k in range(60)]
+    assert guess_lines("\n".join(",".join(map(str, row)) for row in rows).encode()).before == ("clock",)
 
 
 @pytest.mark.parametrize(
