@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 import tinycss2
@@ -35,11 +36,18 @@ _OWN = {
 # Lengths are properties too, since SVG 2. Sizes have no sign.
 _SIZES = {"r", "rx", "ry", "width", "height"}
 _LENGTHS = {"x", "y", "cx", "cy", *_SIZES}
-_PROPERTIES = {*_INHERITED, *_OWN, *_LENGTHS, "font-size"}
+_PROPERTIES = {*_INHERITED, *_OWN, *_LENGTHS, "font-size", "max-width", "max-height"}
+# Where inner pages lie and how large clones are is said by attributes only, as Chromium reads it.
+_BY_ATTRIBUTE = {
+    f"{SVG}svg": ("x", "y", "width", "height"), f"{SVG}symbol": ("x", "y", "width", "height"),
+    f"{SVG}use": ("width", "height"),
+}  # fmt: skip
+# Properties that can change an outline, and are not read.
+_UNREAD = re.compile(r"all|mask-(image|mode|composite|border.*)|offset(-path)?|(block|inline)-size")
 _OF_ALL = ("inherit", "initial", "unset", "revert")  # values of every property
 _PATH = re.compile(r"\s*([Mm][MmZzLlHhVvCcSsQqTtAaEe\d\s,.+-]*)?")
 # What a transform is in an attribute: a number there has no unit, unlike in a style.
-_TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)[\s,]*)*")
+_TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skew[XY])\s*\([-+.,\deE\s]*\)\s*(,\s*)?)*")
 # Media for which rules count, and those for which they do not: a drawing is read as on a bright screen.
 _SHOWN = re.compile(r"(only )?(all|screen)?( and )?(\(prefers-color-scheme: ?light\))?")
 _NOT_SHOWN = re.compile(r"(only )?(print|(all|screen)?( and )?\(prefers-color-scheme: ?dark\)).*|not all")
@@ -48,7 +56,8 @@ ELSEWHERE = "it takes a style sheet from elsewhere"
 _CONDITIONS = ("media", "supports", "layer", "container", "scope")
 # Paints that browsers know, and this reader does not.
 _UNREAD_PAINT = re.compile(
-    r"(color-mix|light-dark|contrast-color)\(.*|[\w-]+\(\s*from\s.*|(canvas|field|highlight|mark|button\w+|accent\w+)"
+    r"(color-mix|light-dark|contrast-color)\(.*|[\w-]+\((\s*from\s|.*calc\().*"
+    r"|(canvas|field|highlight|mark|button\w+|accent\w+)"
 )
 _VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,((?:[^()]|\([^()]*\))*))?\)")
 _MOST_VARIABLES = 8  # that stand for one another
@@ -71,7 +80,7 @@ def declarations(root: Element) -> dict[Element, Style]:
             "",
             "text/css",
         ):
-            sheet = tinycss2.parse_stylesheet("".join(element.itertext()), True, True)
+            sheet = tinycss2.parse_stylesheet(own_text(element), True, True)
             shown = _if_shown("media", element.get("media", ""), _selected(sheet, _namespaces(sheet)))
             for selector, rules in shown:
                 matcher.add_selector(selector, rules)
@@ -80,15 +89,17 @@ def declarations(root: Element) -> dict[Element, Style]:
         element = wrapped.etree_element
         rules = [rule for *_, pseudo, rules in matcher.match(wrapped) if pseudo is None for rule in rules]
         own = list(_rules(tinycss2.parse_blocks_contents(element.get("style", "")), in_sheet=False))
-        values = {name: value.strip() for name, value in element.attrib.items()}
+        values = {name: re.sub(r"/\*.*?\*/", "", value).strip() for name, value in element.attrib.items()}
         for name in _PROPERTIES & values.keys():
             wrong = name == "transform" and not _TRANSFORM.fullmatch(values[name])
             if "var(" not in values[name] and (wrong or not _is_valid(name, values[name])):
                 del values[name]
         if values.get("d", "none") != "none":
             values["d"] = f'path("{values["d"]}")'  # as a style says it
+        fixed = () if element is root else _BY_ATTRIBUTE.get(element.tag, ())
+        counted = [rule for rule in rules + own if rule[0] not in fixed]
         for important in (False, True):
-            values |= {name: value for name, value, strong in rules + own if strong is important}
+            values |= {name: value for name, value, strong in counted if strong is important}
         declared[element] = values
     return declared
 
@@ -105,6 +116,11 @@ def computed(declared: Style, parent: Style) -> Style:
             value = "inherit" if name in _INHERITED else "initial"
         style[name] = {"inherit": parent.get(name, initial), "initial": initial}.get(value, value)
     return style
+
+
+def own_text(element: Element) -> str:
+    """Join the text of an element without that of its children."""
+    return "".join([element.text or "", *(child.tail or "" for child in element)])
 
 
 def share(text: str) -> float:
@@ -125,7 +141,7 @@ def url_in(text: str) -> tuple[str | None, str]:
         link = first.arguments[0].value if first.arguments else ""
     else:
         return None, text
-    return link.strip().removeprefix("#"), tinycss2.serialize(tokens[1:]).strip()
+    return unquote(link.strip().removeprefix("#")), tinycss2.serialize(tokens[1:]).strip()
 
 
 def color(text: str, style: Style) -> Paint | None:
@@ -173,7 +189,9 @@ def _selected(rules: list[Any], namespaces: dict[str | None, str], around: str =
     """Give each selector of a sheet, or of what a rule with the selectors `around` nests, and what it declares."""
     for rule in rules:
         if rule.type == "at-rule" and rule.lower_at_keyword in _CONDITIONS and rule.content is not None:
-            inner = _selected(tinycss2.parse_rule_list(rule.content, True, True), namespaces, around)
+            content = tinycss2.serialize(rule.content)
+            content = f"&{{{content}}}" if around else content  # with declarations of what is around
+            inner = _selected(tinycss2.parse_rule_list(content, True, True), namespaces, around)
             yield from _if_shown(rule.lower_at_keyword, tinycss2.serialize(rule.prelude), inner)
         elif rule.type == "at-rule" and rule.content is not None:
             named = re.findall(r"([\w-]+)\s*:", tinycss2.serialize(rule.content).lower())
@@ -188,12 +206,17 @@ def _selected(rules: list[Any], namespaces: dict[str | None, str], around: str =
             text = tinycss2.serialize(rule.prelude)
             if around:
                 text = (text if "&" in text else f"& {text}").replace("&", f":is({around})")
-            try:
-                selectors = compile_selector_list(text, namespaces)
-            except SelectorError:
-                continue  # as a renderer does with a selector that it does not know
             content = tinycss2.parse_blocks_contents(rule.content, True, True)
             declared = list(_rules(content))
+            selectors, unread = [], re.search(r":(any-)?link\b|:lang\(", text)
+            try:
+                selectors = compile_selector_list(text, namespaces)
+            except SelectorError:  # without a pseudo-class, no renderer knows it
+                unread = unread or re.search(r"(?<!:):[a-z]", text)
+            if unread and declared:
+                raise InputError(
+                    f"its style sheet selects {short(text.strip())}, which is not read: take that rule out"
+                )
             yield from ((selector, declared) for selector in selectors if declared)
             yield from _selected(content, namespaces, text)
 
@@ -211,13 +234,15 @@ def _if_shown(keyword: str, condition: str, selected: Iterator[_Selected]) -> It
 def _rules(content: list[Any], in_sheet: bool = True) -> Iterator[tuple[str, str, bool]]:
     """Give the declarations that an outline depends on: name, value and whether it is important."""
     for part in content:
-        if part.type == "declaration" and part.lower_name == "all":
-            raise InputError("its style declares all properties at once (all), which is not read: say which")
-        if part.type == "declaration" and (part.lower_name in _PROPERTIES or part.name.startswith("--")):
-            name = part.name if part.name.startswith("--") else part.lower_name
-            value = tinycss2.serialize(part.value).strip()
-            if "var(" in value or (_is_valid(name, value) and _has_units(name, part.value, in_sheet)):
-                yield name, value, part.important
+        if part.type != "declaration":
+            continue
+        name = part.name if part.name.startswith("--") else part.lower_name.removeprefix("-webkit-")
+        value = tinycss2.serialize(part.value).strip()
+        if _UNREAD.fullmatch(name) and value.lower() not in ("none", "auto", "initial"):
+            raise InputError(f"its style declares {name}, which is not read: say in other words what it does")
+        known = name in _PROPERTIES or name.startswith("--")
+        if known and ("var(" in value or (_is_valid(name, value) and _has_units(name, part.value, in_sheet))):
+            yield name, value, part.important
 
 
 def _has_units(name: str, value: list[Any], in_sheet: bool) -> bool:

@@ -17,8 +17,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec, module_from_spec
 from io import BytesIO
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -29,7 +30,19 @@ from svg.path import Linear, Move
 
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
-from tactsim.models.css import ELSEWHERE, SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
+from tactsim.models.css import (
+    ELSEWHERE,
+    SVG,
+    Paint,
+    Rgb,
+    Style,
+    color,
+    computed,
+    declarations,
+    own_text,
+    share,
+    url_in,
+)
 
 FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
 LARGEST_FLATTENING = 0.002  # mm
@@ -39,6 +52,7 @@ MOST_ELEMENTS = 100_000  # clones counted each time
 LARGEST_FILE = 2 << 20  # bytes
 LARGEST = 1e4  # mm
 WHOLE_PAGE = 1e-3  # share of the page that a fill may leave free and still be the page itself
+_POINTS = re.compile(r"[-+.,\deE\s]*")
 _SAMPLES = 32  # steps along a curve by which its bend is measured
 WHITE = 250  # least red, green and blue of white: CorelDRAW's is #fefefe
 FAINT = 0.01  # opacity of what can hardly be seen
@@ -53,6 +67,7 @@ _UNITS = {
     "": 1.0, "px": 1.0, "mm": 96 / 25.4, "cm": 960 / 25.4, "q": 24 / 25.4, "in": 96.0, "pt": 4 / 3, "pc": 16.0,
 }  # fmt: skip
 _ANGLES = {"": 1.0, "deg": 1.0, "grad": 0.9, "rad": 180 / math.pi, "turn": 360.0}
+_MOVING = {f"{SVG}{tag}" for tag in ("set", "animate", "animateMotion", "animateTransform")}
 _TEXT = ("text", "tspan", "textPath", "a")
 _FOREIGN = dict.fromkeys((*_TEXT, "flowRoot"), "text") | {
     "image": "a picture",
@@ -165,6 +180,8 @@ class _Reader:
             self.flattening = min(FLATTENING * max(size), LARGEST_FLATTENING)
             page = CrossSection.square(size).mirror((0, 1))
         drawn = list(self._walk([(self.root, _Context({}, matrix, view))], self._fill))
+        if moves := sorted(_MOVING & {element.tag for element in self.root.iter()}):
+            raise InputError(f"it changes while it is shown (<{moves[0].removeprefix(SVG)}>): take that out")
         strokes = sum(part.stroked for part in drawn)
         fills = [part for part in drawn if not part.region.is_empty()]
         pages, remarks = 0, []
@@ -185,6 +202,8 @@ class _Reader:
             raise InputError(f"there is no filled outline in the drawing{why}")
         if strokes:
             remarks.insert(0, f"{strokes:,} strokes are left out: only what is filled counts")
+        if self.root.find(f".//{SVG}script") is not None:
+            remarks.append("a script in it is not run")
         if pages:
             remarks.append("a fill of the whole page is left out: it is the page and not the shape")
         if faint := sum(fill.paint.alpha < FAINT for fill in fills[pages:]):
@@ -212,13 +231,13 @@ class _Reader:
                 continue
             declared = self.declared[element]
             style = computed(declared, around.style)
-            if style["display"] == "none" and not symbol:
+            if style["display"] == "none":
                 continue
             opacity, blends = share(style["opacity"]), style["mix-blend-mode"] != "normal"
             here = replace(around, style=style, alpha=around.alpha * opacity, blends=around.blends or blends)
             if opacity < OPAQUE:
                 here = replace(here, groups=(*here.groups, self.elements))
-            if style["transform"] != "none" and not symbol and element is not self.root:
+            if style["transform"] != "none" and element is not self.root:
                 if style["transform-box"] != "view-box":
                     here = replace(here, hazard="a transform about the box of an element")
                 here = replace(here, matrix=_joined(here.matrix, _transform(style, here.view)))
@@ -233,6 +252,8 @@ class _Reader:
             for key in ("mask", "clip-path"):
                 if style[key] != "none":
                     here = self._cut(here, key)
+                    if element is self.root:  # where a unit is a pixel
+                        here = replace(here, hazard=f"a {key} of the whole page")
             if tag in _SHAPES:
                 yield from leaf(element, here)
             elif tag == "use":
@@ -296,6 +317,8 @@ class _Reader:
             if server.tag == f"{SVG}pattern" and key == "fill":
                 raise InputError("it fills an outline with a pattern: give it one colour")
             if server.tag in _GRADIENTS:
+                if self._style(server)["display"] == "none":
+                    raise InputError("a gradient in it is not displayed, which renderers read differently")
                 paint = self._gradient(server)
         alpha = share(style[f"{key}-opacity"])
         if paint is None or paint.alpha * alpha * here.alpha == 0:
@@ -306,13 +329,18 @@ class _Reader:
         """Take a gradient for its colour if it has one only; None if all of it is transparent."""
         seen: list[Element] = []
         stops: list[Paint] = []
+        edges: list[tuple[float, bool]] = []  # where a stop lies, and whether it shows nothing
         while server is not None and server.tag in _GRADIENTS and server not in seen and not stops:
             seen.append(server)
             for stop in server.iter(f"{SVG}stop"):
                 style = self._style(stop)
                 paint = color(style["stop-color"], style) or Paint(None, 0.0)
                 stops.append(Paint(paint.rgb, paint.alpha * share(style["stop-opacity"])))
+                blank = stops[-1].alpha == 0 or min(paint.rgb or (0,)) >= WHITE
+                edges.append((share(stop.get("offset", "0").strip() or "0"), blank))
             server = self.named.get(_link(server.attrib))
+        if any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(edges)):
+            raise InputError("a gradient in it ends sharply in white or in nothing: cut the outline there")
         colours = {stop.rgb for stop in stops if stop.alpha > 0}
         if not colours:
             return None
@@ -322,13 +350,15 @@ class _Reader:
     def _style(self, element: Element) -> Style:
         """Compute the properties of an element that is referred to, from where it stands."""
         parent = self.parents.get(element)
-        return computed(self.declared[element], {} if parent is None else self._style(parent))
+        around = {} if parent is None else self._style(parent)
+        hidden = {"display": "none"} if around.get("display") == "none" else {}
+        return computed(self.declared[element] | hidden, around)
 
     def _cut(self, here: _Context, key: str) -> _Context:
         """Add an element's clip path, or a mask that shows or hides, to what holds for it."""
         name, tag = {"clip-path": ("clip path", f"{SVG}clipPath"), "mask": ("mask", f"{SVG}mask")}[key]
-        link = url_in(here.style[key])[0]
-        if link is None:
+        link, rest = url_in(here.style[key])
+        if link is None or rest:
             return replace(here, hazard=f"a {name} of its style ({here.style[key][:40]})")
         part = self.named.get(link)
         if part is None or part.tag != tag:
@@ -336,6 +366,8 @@ class _Reader:
         if part in here.clones:
             raise InputError(f"a {name} in it refers to itself")
         declared, style = self.declared[part], self._style(part)
+        if style["display"] == "none":
+            return replace(here, hazard=f"a {name} that is not displayed, which renderers read differently")
         if "objectBoundingBox" in (declared.get("clipPathUnits"), declared.get("maskContentUnits")):
             return replace(here, hazard=f"a {name} in units of a box")
         inner = replace(
@@ -389,7 +421,7 @@ class _Reader:
         x, y, width, height = _rectangle(sized, here.view)
         box = _view_box(declared)
         fit = _fit(box, width, height, declared.get("preserveAspectRatio", "")) if box else np.eye(2, 3)
-        if here.style["overflow"] in ("hidden", "scroll"):
+        if here.style["overflow"] in ("hidden", "scroll", "clip"):
             frame = CrossSection.square((width, height)).translate((x, y))
             here = here.within(frame.transform(here.matrix))
         matrix = _joined(here.matrix, _joined(np.array([[1.0, 0, x], [0, 1.0, y]]), fit))
@@ -412,8 +444,7 @@ class _Reader:
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        own = [element.text or "", *(child.tail or "" for child in element)]
-        text = "".join(element.itertext() if tag == "flowRoot" else own).strip()
+        text = ("".join(element.itertext()) if tag == "flowRoot" else own_text(element)).strip()
         content = {"image": _link(element.attrib), "foreignObject": len(element)}.get(tag) or text
         unseen = tag in _TEXT and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0
@@ -472,6 +503,8 @@ def _page(declared: Style) -> tuple[FloatArray, tuple[float, float] | None, Floa
         sides.append(PIXEL * _length({key: text}, key, None, 0) if known else None)
         if known and not sides[-1] > 0:  # type: ignore[operator]
             raise InputError(f"its {key} is {short(text)}: it must be positive")
+        if re.search(r"\d\s*[a-z]", most := declared.get(f"max-{key}", "")):
+            sides[-1] = min(sides[-1] or math.inf, PIXEL * _length({key: most}, key, None, 0))
     width, height = sides
     if box is None:
         view = None if width is None or height is None else (width / PIXEL, height / PIXEL)
@@ -506,11 +539,11 @@ def _rectangle(declared: Style, view: tuple[float, float] | None) -> tuple[float
 def _fit(box: tuple[float, float, float, float], width: float, height: float, ratio: str) -> FloatArray:
     """Fit a viewBox into a width and a height as preserveAspectRatio says: a matrix (2, 3)."""
     scale, spare = np.array([width / box[2], height / box[3]]), np.zeros(2)
-    if "none" not in ratio.split():
-        scale[:] = scale.max() if "slice" in ratio.split() else scale.min()
-        align = re.findall(r"x(Min|Mid|Max)Y(Min|Mid|Max)", f"{ratio} xMidYMid")[0]
+    said = re.fullmatch(r"(none|x(Min|Mid|Max)Y(Min|Mid|Max))(\s+(meet|slice))?", ratio.strip())
+    if said is None or said[1] != "none":
+        scale[:] = scale.max() if said and said[5] == "slice" else scale.min()
         shares = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
-        spare = ([width, height] - scale * box[2:]) * [shares[word] for word in align]
+        spare = ([width, height] - scale * box[2:]) * [shares[said[k] if said else "Mid"] for k in (2, 3)]
     return np.column_stack([np.diag(scale), spare - scale * box[:2]])
 
 
@@ -565,11 +598,12 @@ def _one_transform(token: Any, view: tuple[float, float] | None) -> FloatArray:
             values.append(_length({name: part.serialize()}, name, view, axis))
     try:
         return np.array(_TRANSFORMS[name](*values), dtype=float)
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"its transform {token.serialize()[:80]!r} cannot be read") from error
 
 
-def _rotated(degrees: float, x: float = 0.0, y: float = 0.0) -> tuple[tuple[float, ...], ...]:
+def _rotated(degrees: float, *about: float) -> tuple[tuple[float, ...], ...]:
+    x, y = about or (0.0, 0.0)
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return (c, -s, x - c * x + s * y), (s, c, y - s * x - c * y)
 
@@ -593,7 +627,8 @@ def _joined(outer: FloatArray, inner: FloatArray) -> FloatArray:
 
 
 def _link(attributes: dict[str, str]) -> str:
-    return next((attributes[key].strip().removeprefix("#") for key in _HREFS if key in attributes), "")
+    link = next((attributes[key] for key in _HREFS if key in attributes), "")
+    return unquote(link.strip().removeprefix("#"))
 
 
 def _is_shown(element: Element) -> bool:
@@ -601,7 +636,7 @@ def _is_shown(element: Element) -> bool:
     languages = element.get("systemLanguage", "en").lower().split(",")
     return (
         element.tag in _DRAWN
-        and not element.get("requiredExtensions")
+        and element.get("requiredExtensions") is None
         and any(language.strip().split("-")[0] == "en" for language in languages)
     )
 
@@ -614,7 +649,9 @@ def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> s
         function: Any = tinycss2.parse_one_component_value(declared["d"])  # with escapes, as of line ends
         return str(next(token.value for token in function.arguments if token.type == "string"))
     if tag in ("polygon", "polyline"):
-        return f"M{declared['points']}z" if declared.get("points") else ""
+        if not _POINTS.fullmatch(points := declared.get("points", "")):
+            raise ValueError("something else between the points")
+        return f"M{points}z" if points else ""
 
     given = {key: value for key, value in declared.items() if value != "auto"}
     declared = {"rx": "-1", "ry": "-1"} | given
@@ -641,6 +678,8 @@ def _path_data(tag: str, declared: Style, view: tuple[float, float] | None) -> s
 def _subpaths(data: str) -> list[list[Any]]:
     """Part path data into runs of segments that start with a move and go on."""
     runs: list[list[Any]] = []
+    if re.search(r",\s*,", data):
+        raise ValueError("two commas in a row")
     for segment in _parser.parse_path(data):
         if isinstance(segment, Move):
             runs.append([])

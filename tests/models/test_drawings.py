@@ -374,6 +374,13 @@ def test_xml_that_is_no_drawing(tmp_path):
     assert 'xmlns="http://www.w3.org/2000/svg"' in refusal(path)
 
 
+def test_the_root_cuts_and_shrinks_the_page():
+    region = filled_region(drawing(L, f'{PAGE} style="max-width:15mm"').encode()).region
+    assert region.area() == pytest.approx(51, rel=1e-3)
+    with pytest.raises(InputError, match="a mask of the whole page"):
+        filled_region(drawing(MASK + L, f'{PAGE} mask="url(#m)"').encode())
+
+
 def test_others_keep_the_parser_of_paths_as_it_is():
     with pytest.raises(ValueError, match="Invalid path element"):
         parse_path("M0 0a-1 1 0 0 0 2 2")
@@ -437,6 +444,21 @@ SHEETS = [  # areas, mm^2, as Chromium draws them
     ("<style>rect{transform:rotate(180)}</style><rect width='10' height='10'/>", 100),
     ("<style>rect{transform:scale(1.5,.5)}</style><rect width='10' height='10'/>", 75),
     (f"<rect style='transform:rotate(180deg);transform-origin:10 10' width='10' height='10'/>{L}", 204),
+    (f"<style>svg svg,use{{width:15px;height:15px}}</style><svg viewBox='0 0 30 30'>{L}</svg>", 204),
+    (f"<style>use{{height:15px}}</style><symbol id='s' viewBox='0 0 30 30'>{L}</symbol><use href='#s'/>", 204),
+    (f"<symbol id='s' transform='scale(.5)'>{L}</symbol><use href='#s'/>", 51),
+    (f"<symbol id='s' style='display:none'>{L}</symbol><use href='#s'/><rect width='9' height='9'/>", 81),
+    (f"<svg width='5' height='5' style='overflow:clip'>{L}</svg>", 3),
+    *[(f"<svg width='15' viewBox='0 0 30 30' preserveAspectRatio='{ratio}'>{L}</svg>", 51)
+      for ratio in ("xMinYMin meet", "defer xMinYMin slice", "slice", "xMidYMid slice x", "XMINYMIN SLICE")],
+    *[(f"<rect transform='{transform}' width='10' height='10'/>", 100)
+      for transform in ("translate(25,0),,scale(2)", "translate(25px,0)", "Translate(25)")],
+    (f"<switch><rect requiredExtensions='' {RECT}/>{L}</switch>", 204),
+    (f"<style>.f{{@media screen{{fill:none}}}}</style>{OVER}", 204),
+    (f"<style>.f{{<tspan>fill</tspan>:none}}</style>{OVER}", 784),
+    (f"<rect fill='/**/none' {RECT}/>{L}", 204),
+    ("<defs><rect id='\u00e9' width='9' height='9'/></defs><use href='#%C3%A9'/>", 81),
+    (f"<style>.f{{-webkit-transform:scale(.5)}}</style>{SQUARE}", 196),
 ]  # fmt: skip
 
 
@@ -464,13 +486,50 @@ def test_all_of_a_sheet_counts_as_browsers_read_it(tmp_path, body, area):
             f"<style>@keyframes k{{0%,to{{fill:none}}}}.f{{animation:k 9s}}</style>{OVER}",
             "has @keyframes, which",
         ),
-        ("", f"<style>.f{{all:unset}}</style>{OVER}", "declares all properties at once"),
+        ("", f"<style>.f{{all:unset}}</style>{OVER}", "declares all, which"),
         (
             "",
             f"<style>.f{{fill:color-mix(in srgb,transparent 100%,red)}}</style>{OVER}",
             "its fill is 'color-mix",
         ),
         ("", f"<rect class='f' fill='Canvas' {RECT}/>{L}", "its fill is 'Canvas', which is not read"),
+        ("", f"<rect class='f' fill='rgb(calc(99 + 99) 0 0)' {RECT}/>{L}", "its fill is 'rgb"),
+        *[
+            ("", f"<style>{selector}{{fill:none}}</style>{OVER}", "its style sheet selects '")
+            for selector in ("a:link rect", ":lang(en)", ":is(.f,:x)", ":dir(ltr)")
+        ],
+        *[
+            ("", f"<style>.f{{{name}:url(#m)}}</style>{MASK}{OVER}", f"declares {name}, which")
+            for name in ("mask-image", "offset-path", "inline-size")
+        ],
+        ("", f"<style>.f{{mask:url(#m),url(#m)}}</style>{MASK}{OVER}", "a mask of its style"),
+        *[
+            (
+                "",
+                f"<g>{OVER}<{tag} attributeName='width' to='5'/></g>",
+                f"it changes while it is shown .<{tag}>",
+            )
+            for tag in ("set", "animate", "animateTransform", "animateMotion")
+        ],
+        ("", f"<rect transform='rotate(9 5)' {RECT}/>", "its transform"),
+        ("", f"<path d='M0,,0h9v9z'/>{OVER}", "cut off or wrong"),
+        ("", f"<polygon points='0,0 9,0 9,9 x 0,9'/>{OVER}", "cut off or wrong"),
+        (
+            "",
+            f"<defs display='none'><g>{MASK}</g></defs><rect mask='url(#m)' {RECT}/>",
+            "mask that is not displayed",
+        ),
+        *[
+            (
+                "",
+                f"<linearGradient id='g'{stops}</linearGradient><rect fill='url(#g)' {RECT}/>",
+                "a gradient in it",
+            )
+            for stops in (
+                " display='none'><stop/>",
+                "><stop offset='.5'/><stop offset='50%' stop-color='#fff'/>",
+            )
+        ],
     ],
 )
 def test_a_sheet_that_is_not_there_is_refused(before, body, reason):
