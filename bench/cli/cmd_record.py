@@ -182,7 +182,7 @@ def _poses(text: str, seed: int, pad: Pad, pressed: Letter | None) -> list[tuple
     import numpy as np
 
     from tactsim.bench.pad import on_object, touching
-    from tactsim.core.poses import spread_out
+    from tactsim.core.making import spread_out
     from tactsim.press.scan_poses import grid_poses, stage_for
 
     poses = grid_poses(stage_for(pad, pressed))

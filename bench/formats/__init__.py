@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.files import new_folder, replacing
-from tactsim.core.scan import from_recording
+from tactsim.core.making import from_recording
 
 if TYPE_CHECKING:
     from tactsim.bench.results import Run

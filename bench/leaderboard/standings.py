@@ -24,8 +24,8 @@ from tactsim.bench.tasks import Task, names, task
 from tactsim.bench.trials import OneTrial, Progress, draw_true_pose, generator
 from tactsim.core import InputError, Pad
 from tactsim.core.checking import checked
+from tactsim.core.making import statements
 from tactsim.core.pad import offsets
-from tactsim.core.provenance import statements
 
 OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings

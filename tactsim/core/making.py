@@ -1,4 +1,7 @@
-"""Scans made of arrays in the forms in which people have them, and of two scans; and trials drawn from one."""
+"""What of a scan most runs do without: its file, arrays in the forms in which people have them, two scans in one.
+
+And what may be said of each reading and of the whole, training presses chosen, and trials drawn.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,34 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
+from tactsim.core.finite import finite
+from tactsim.core.npz import MissingArrayError, read_npz
 from tactsim.core.pad import Pad, offsets, pitch
 from tactsim.core.poses import FloatArray, compose, invert
-from tactsim.core.provenance import IN_KPA, spdx_name
-from tactsim.core.scan import MOST_TURNED, OF_PRESSES, Scan
+from tactsim.core.provenance import OWN_LICENCE, may_name_a_licence
+from tactsim.core.scan import MOST_TURNED, OF_PRESSES, SEQUENCE, Scan, as_names, as_numbers
 
+S = TypeVar("S", bound=Scan)
+# kPa of other units of pressure, which are converted where readings come in.
+IN_KPA = {
+    "Pa": 1e-3,
+    "hPa": 0.1,
+    "mbar": 0.1,
+    "MPa": 1e3,
+    "bar": 100.0,
+    "psi": 6.894757293,
+    "mmHg": 0.1333223874,
+}
+_SOURCES = ("simulated", "recorded", "imported")
+_TURNED_AT = 3.0  # mm from the middle at which a turn is a way, when poses are spread: places come first
 _POSE_COLUMNS = {"x": 0, "x_mm": 0, "y": 1, "y_mm": 1, "theta": 2, "theta_rad": 2}
 # What holds of so many readings where a scan does not say it: nobody knows the load, each is a press of its own, under
 # the whole load, of its object's one view.
@@ -27,6 +47,181 @@ _UNSAID: dict[str, Callable[[int], NDArray[Any]]] = {
     "moments": np.ones,
     "views": lambda count: np.zeros(count, np.int64),
 }
+
+
+def loaded(kind: type[S], path: str | Path) -> S:
+    """Read a scan of this kind from its file, as `Scan.load` says."""
+    try:
+        arrays = read_npz(path, (*kind._ARRAYS, "meta"), kind._OPTIONAL)
+    except InputError as error:
+        if kind is Scan and isinstance(error, MissingArrayError) and "taxel_points" in error.there:
+            raise InputError(
+                f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
+            ) from None
+        recording = str(path).endswith(".tactrec")
+        made_by = from_recording(path) if recording else kind._MADE_BY
+        raise InputError(f"scan {path}: {error}; make one with {made_by}") from error
+    try:
+        meta = arrays.pop("meta")
+        if meta.shape != () or meta.dtype.kind != "U":
+            raise InputError(f"scan: meta must be a text, got {meta.dtype} {meta.shape}")
+        return kind(meta=parse_json(str(as_names("meta", meta)), "scan: meta"), **arrays)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def from_recording(path: str | Path) -> str:
+    """Say what makes a scan of a recording, .tactrec."""
+    return f"`bench replay {path} --scan FILE` (and --marks FILE if no session led to its presses)"
+
+
+def checked_entries(given: Mapping[str, Any], count: int, taxels: int) -> dict[str, NDArray[Any]]:
+    """Check what a scan of `count` readings says of each, and its sequence: the arrays, read only.
+
+    Raises InputError for a load below 0, a moment that is not above 0, at most 1, other numbers that are not whole and
+    from 0 on, what are no `count` numbers, and a sequence that is not whole or whose times do not rise.
+    """
+    checked = {name: _entries(name, given[name], count) for name in OF_PRESSES if name in given}
+    for array in checked.values():
+        array.setflags(write=False)
+    parts = [name for name in SEQUENCE if name in given]
+    if not parts:
+        return checked
+    if len(parts) < len(SEQUENCE):
+        missing = next(name for name in SEQUENCE if name not in given)
+        raise InputError(f"scan: {parts[0]} without {missing}; a sequence has {', '.join(SEQUENCE)}")
+    axes = {"sequence": (3, np.float32), "sequence_times": (1, float), "sequence_force": (2, np.float32)}
+    sequence = {name: as_numbers(name, given[name], *axes[name]) for name in SEQUENCE}
+    times = sequence["sequence_times"]
+    frames = sequence["sequence"].shape[1]
+    wanted = ((count, frames, taxels), (frames,), (count, frames))
+    for (name, array), shape in zip(sequence.items(), wanted, strict=True):
+        if array.shape != shape:
+            raise InputError(f"scan: {name} has shape {array.shape}, not {shape}")
+    if not frames or (np.diff(times) <= 0).any():
+        raise InputError("scan: sequence_times do not rise from frame to frame, or there are none")
+    return checked | sequence
+
+
+def _entries(name: str, values: Any, count: int) -> NDArray[Any]:
+    """Return an array of `count` numbers, one a reading, of loads (NaN: not known), moments or whole numbers."""
+    array = np.asarray(values)
+    real = name in ("loads", "moments")
+    if array.dtype.kind not in ("fiu" if real else "iu") or array.shape != (count,):
+        numbers = "numbers" if real else "whole numbers from 0 on"
+        raise InputError(
+            f"scan: {name} must be {count:,} {numbers}, one a reading, got {array.dtype} {array.shape}"
+        )
+    array = array.astype(float if real else np.int64)
+    if name == "loads":
+        known = array[~np.isnan(array)]
+        if (finite(known, "scan: loads") < 0).any():
+            raise InputError(f"scan: a load is {short(float(known.min()))} N; a press is made with 0 or more")
+    elif name == "moments":
+        wrong = array[~((array > 0) & (array <= 1))]
+        if len(wrong):
+            raise InputError(
+                f"scan: a moment is {short(float(wrong[0]))}; it is the share of its press's load, above 0, at most 1"
+            )
+    elif (array < 0).any():
+        raise InputError(f"scan: {name} must be {count:,} whole numbers from 0 on, got {array.min()}")
+    return array
+
+
+def with_train_presses(scan: S, count: int, rng: np.random.Generator) -> S:
+    """Keep so many training presses of each object, as `Scan.with_train_presses` says."""
+    press = scan.press_numbers
+    kept = scan.split != "train"
+    for label in scan.where("train").letters:
+        of_label = (scan.split == "train") & (scan.labels == label)
+        pressed, first = np.unique(press[of_label], return_index=True)
+        if len(pressed) < count:
+            raise InputError(f"{label} has {len(pressed)} training presses; {count} are asked for")
+        drawn = rng.permutation(len(pressed))
+        chosen = drawn[spread_out(scan.poses[of_label][first[drawn]], count)]
+        kept |= of_label & np.isin(press, pressed[chosen])
+    return scan.chosen(kept)
+
+
+def spread_out(poses: FloatArray, count: int) -> NDArray[np.intp]:
+    """Choose `count` of poses (n, 3), the first and then each time the one farthest from all chosen: their numbers.
+
+    This is the farthest-point ordering of Gonzalez (1985). Of those that are equally far it takes the first.
+    """
+    turn = _TURNED_AT * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+    places = np.concatenate([poses[:, :2], turn], axis=1)
+    nearest, chosen = np.full(len(poses), np.inf), []
+    for _ in range(count):
+        number = int(nearest.argmax())
+        chosen.append(number)
+        nearest = np.minimum(nearest, ((places - places[number]) ** 2).sum(axis=1))
+        nearest[number] = -1.0
+    return np.array(chosen, dtype=np.intp)
+
+
+def licensed(scan: Scan, licence: str) -> Scan:
+    """State the licence of a scan, as `Scan.licensed` says."""
+    licence = spdx_name(licence)
+    stated = scan.meta.get("licence")
+    if stated not in (None, licence):
+        raise InputError(
+            f"the scan is under the licence {stated}, which nobody but its owner replaces by {licence}"
+        )
+    return replace(scan, meta={**scan.meta, "licence": licence})
+
+
+def spdx_name(licence: str) -> str:
+    """Return a licence that is stated now, or an expression of several, in the letters that SPDX writes it in.
+
+    Raises InputError for a name that is not on SPDX's list and does not begin with LicenseRef-. What a file states is
+    not asked for this: readings under an odd name can still be read.
+    """
+    from packaging.licenses import InvalidLicenseExpression, canonicalize_license_expression
+
+    try:
+        if may_name_a_licence(licence):
+            return str(canonicalize_license_expression(licence))
+    except InvalidLicenseExpression:
+        pass
+    raise InputError(
+        f"licence {short(licence)} is no SPDX name; give one of spdx.org/licenses, like {OWN_LICENCE}, or "
+        "LicenseRef-NAME for terms of your own"
+    )
+
+
+def statements(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """Collect from a scan's `meta` what a stranger needs to use the readings; what is not known is None.
+
+    units: of each kind of number. frames: in which frame the numbers are. pad: the fields of a `Pad`. licence: an
+    SPDX name; without one nobody but the owner may use the data. source: one of `_SOURCES`.
+    versions, seed, options: of the program and the press that made simulated readings. recordings: the sessions
+    that recorded ones come from. train: the same of the training readings where they come from another scan.
+    """
+    tables = {name: meta.get(name) for name in ("versions", "options", "train")}
+    versions, options, train = (value if isinstance(value, Mapping) else None for value in tables.values())
+    source, recordings = meta.get("source", "simulated" if options else None), meta.get("recordings")
+    return {
+        "units": {
+            "readings": meta.get("unit", "kPa"),
+            "lengths": "mm",
+            "angles": "rad",
+            "times": "s",
+            "force": "N",
+        },
+        "frames": {
+            "poses": "sensor_in_object: the pose [x, y, theta] of the sensor in the frame of the object",
+            "taxel_xy": "the centres of the taxels in the frame of the sensor",
+            "taxels": "taxel = columns * row + column on a whole grid; rows run along +y, columns along +x",
+        },
+        "pad": meta.get("pad", (options or {}).get("pad")),
+        "licence": meta.get("licence"),
+        "source": source if source in _SOURCES else None,
+        "versions": versions,
+        "options": options,
+        "seed": (options or {}).get("seed"),
+        "recordings": recordings if isinstance(recordings, list) else None,
+        "train": statements(train) if train is not None else None,
+    }
 
 
 def scan_of(

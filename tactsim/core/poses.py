@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
-_TURNED_AT = 3.0  # mm from the middle at which a turn is a way, when poses are spread: places come first
 POSE = ("x", "y", "theta")  # the numbers of a pose in the plane; `rigid.POSE` has those of one in space
 
 
@@ -77,19 +76,3 @@ def transform(pose: ArrayLike, points: ArrayLike) -> FloatArray:
     x = pose[..., 0, None] + cos * points[:, 0] - sin * points[:, 1]
     y = pose[..., 1, None] + sin * points[:, 0] + cos * points[:, 1]
     return np.stack([x, y], axis=-1)
-
-
-def spread_out(poses: FloatArray, count: int) -> NDArray[np.intp]:
-    """Choose `count` of poses (n, 3), the first and then each time the one farthest from all chosen: their numbers.
-
-    This is the farthest-point ordering of Gonzalez (1985). Of those that are equally far it takes the first.
-    """
-    turn = _TURNED_AT * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
-    places = np.concatenate([poses[:, :2], turn], axis=1)
-    nearest, chosen = np.full(len(poses), np.inf), []
-    for _ in range(count):
-        number = int(nearest.argmax())
-        chosen.append(number)
-        nearest = np.minimum(nearest, ((places - places[number]) ** 2).sum(axis=1))
-        nearest[number] = -1.0
-    return np.array(chosen, dtype=np.intp)

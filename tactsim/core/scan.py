@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -13,18 +13,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short, unknown
 from tactsim.core.finite import finite
-from tactsim.core.poses import POSE, FloatArray, spread_out
-from tactsim.core.provenance import check_statements, spdx_name, statements
+from tactsim.core.poses import POSE, FloatArray
+from tactsim.core.provenance import check_statements
 
 if TYPE_CHECKING:
     from tactsim.core.making import Batch
     from tactsim.core.pad import Pad
 
 SPLITS = ("train", "test")
-_SEQUENCE = ("sequence", "sequence_times", "sequence_force")
+SEQUENCE = ("sequence", "sequence_times", "sequence_force")
 OF_PRESSES = ("loads", "presses", "moments", "views")
 _LONGEST_NAME = 100  # characters of a label
 MOST_TURNED = 4 * np.pi  # rad: two turns each way are more than a wrist makes
@@ -82,7 +81,7 @@ class Scan:
     kind: ClassVar[str] = "plane"  # of run, that such readings are for (`tactsim.bench.kinds`)
     POSE: ClassVar[tuple[str, ...]] = POSE
     _ARRAYS: ClassVar[tuple[str, ...]] = ("readings", "poses", "labels", "split", "taxel_xy")
-    _OPTIONAL: ClassVar[tuple[str, ...]] = _SEQUENCE + OF_PRESSES
+    _OPTIONAL: ClassVar[tuple[str, ...]] = SEQUENCE + OF_PRESSES
     PER_READING: ClassVar[tuple[str, ...]] = (
         "readings", "poses", "labels", "split", "sequence", "sequence_force", "loads", "presses",
         "moments", "views",
@@ -91,7 +90,14 @@ class Scan:
 
     def __post_init__(self) -> None:
         self._check_arrays()
-        self._check_sequence()
+        given = {
+            name: values for name in SEQUENCE + OF_PRESSES if (values := getattr(self, name)) is not None
+        }
+        if given:
+            from tactsim.core.making import checked_entries
+
+            for name, array in checked_entries(given, *self.readings.shape).items():
+                object.__setattr__(self, name, array)
         for label in self.letters:
             if not is_label(label):
                 raise InputError(
@@ -115,12 +121,6 @@ class Scan:
         self._check_shapes(
             poses=(count, len(self.POSE)), labels=(count,), split=(count,), taxel_xy=(taxels, 2)
         )
-        checked = {"loads": _as_loads, "moments": _as_moments}
-        for name in OF_PRESSES:
-            if getattr(self, name) is not None:
-                array = checked.get(name, partial(_as_whole_numbers, name))(getattr(self, name), count)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
 
     def _check_shapes(self, **wanted: tuple[int, ...]) -> None:
         for name, shape in wanted.items():
@@ -131,25 +131,6 @@ class Scan:
                 )
         if not self.readings.shape[1]:
             raise InputError("scan: readings have no taxels")
-
-    def _check_sequence(self) -> None:
-        given = [name for name in _SEQUENCE if getattr(self, name) is not None]
-        if not given:
-            return
-        if len(given) < len(_SEQUENCE):
-            missing = next(name for name in _SEQUENCE if name not in given)
-            raise InputError(f"scan: {given[0]} without {missing}; a sequence has {', '.join(_SEQUENCE)}")
-        sequence = as_numbers("sequence", self.sequence, 3, np.float32)
-        times = as_numbers("sequence_times", self.sequence_times, 1)
-        force = as_numbers("sequence_force", self.sequence_force, 2, np.float32)
-        (count, taxels), frames = self.readings.shape, sequence.shape[1]
-        wanted = ((count, frames, taxels), (frames,), (count, frames))
-        for name, array, shape in zip(_SEQUENCE, (sequence, times, force), wanted, strict=True):
-            if array.shape != shape:
-                raise InputError(f"scan: {name} has shape {array.shape}, not {shape}")
-            object.__setattr__(self, name, array)
-        if not frames or (np.diff(times) <= 0).any():
-            raise InputError("scan: sequence_times do not rise from frame to frame, or there are none")
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -206,6 +187,8 @@ class Scan:
     @property
     def about(self) -> dict[str, Any]:
         """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
+        from tactsim.core.making import statements
+
         return statements(self.meta)
 
     @property
@@ -267,17 +250,9 @@ class Scan:
         A press is a reading where the scan does not say `presses`. Those of a smaller count are among those of a larger
         one. Raises InputError if an object has fewer.
         """
-        press = self.press_numbers
-        kept = self.split != "train"
-        for label in self.where("train").letters:
-            of_label = (self.split == "train") & (self.labels == label)
-            pressed, first = np.unique(press[of_label], return_index=True)
-            if len(pressed) < count:
-                raise InputError(f"{label} has {len(pressed)} training presses; {count} are asked for")
-            drawn = rng.permutation(len(pressed))
-            chosen = drawn[spread_out(self.poses[of_label][first[drawn]], count)]
-            kept |= of_label & np.isin(press, pressed[chosen])
-        return self.chosen(kept)
+        from tactsim.core.making import with_train_presses
+
+        return with_train_presses(self, count, rng)
 
     def joined(self, other: Scan, meta: Mapping[str, Any]) -> Scan:
         """Append another scan of the same pad; the result has the given `meta`.
@@ -309,13 +284,9 @@ class Scan:
 
         Raises InputError if it is no such name, or if they state another one.
         """
-        licence = spdx_name(licence)
-        stated = self.meta.get("licence")
-        if stated not in (None, licence):
-            raise InputError(
-                f"the scan is under the licence {stated}, which nobody but its owner replaces by {licence}"
-            )
-        return replace(self, meta={**self.meta, "licence": licence})
+        from tactsim.core.making import licensed
+
+        return licensed(self, licence)
 
     def on_taxels_of(self, other: Scan) -> Scan:
         """Keep the taxels that `other` has at the same places, in the order of this scan.
@@ -354,38 +325,14 @@ class Scan:
         Raises InputError if the file is missing, cut short, of another kind, claims more than 1 GiB
         or holds what `Scan` refuses.
         """
-        from tactsim.core.npz import MissingArrayError, read_npz
+        from tactsim.core.making import loaded
 
-        try:
-            arrays = read_npz(path, (*cls._ARRAYS, "meta"), cls._OPTIONAL)
-        except InputError as error:
-            if cls is Scan and isinstance(error, MissingArrayError) and "taxel_points" in error.there:
-                raise InputError(
-                    f"scan {path}: it holds objects in space, which only `bench run --task solids` takes"
-                ) from None
-            recording = str(path).endswith(".tactrec")
-            made_by = from_recording(path) if recording else cls._MADE_BY
-            raise InputError(f"scan {path}: {error}; make one with {made_by}") from error
-        try:
-            return cls(meta=_meta(arrays.pop("meta")), **arrays)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
-
-
-def from_recording(path: str | Path) -> str:
-    """Say what makes a scan of a recording, .tactrec."""
-    return f"`bench replay {path} --scan FILE` (and --marks FILE if no session led to its presses)"
+        return loaded(cls, path)
 
 
 def is_label(name: str) -> bool:
     """Tell whether `name` can label an object: 1 to 100 printable characters."""
     return name.isprintable() and 0 < len(name) <= _LONGEST_NAME
-
-
-def _meta(array: NDArray[Any]) -> dict[str, Any]:
-    if array.shape != () or array.dtype.kind != "U":
-        raise InputError(f"scan: meta must be a text, got {array.dtype} {array.shape}")
-    return parse_json(str(as_names("meta", array)), "scan: meta")
 
 
 def as_numbers(name: str, values: Any, axes: int, kind: Any = float) -> NDArray[Any]:
@@ -411,46 +358,4 @@ def as_names(name: str, values: Any) -> NDArray[np.str_]:
         raise InputError(f"scan: {name} are no text: {error}") from None
     array = array.astype(f"U{max(longest, 1)}")  # so that equal scans are alike, bit for bit
     array.setflags(write=False)
-    return array
-
-
-def _entry_each(name: str, values: Any, count: int, kinds: str = "fiu") -> NDArray[Any]:
-    """Return an array of `count` numbers, one a reading. Raises InputError for anything else."""
-    array = np.asarray(values)
-    if array.dtype.kind not in kinds or array.shape != (count,):
-        numbers = "numbers" if "f" in kinds else "whole numbers from 0 on"
-        raise InputError(
-            f"scan: {name} must be {count:,} {numbers}, one a reading, got {array.dtype} {array.shape}"
-        )
-    return array
-
-
-def _as_loads(values: Any, count: int) -> FloatArray:
-    """Return the loads of `count` presses, N; NaN stands for one that is not known.
-
-    Raises InputError for a load below 0, and for what are no `count` numbers.
-    """
-    array = _entry_each("loads", values, count).astype(float)
-    known = array[~np.isnan(array)]
-    if (finite(known, "scan: loads") < 0).any():
-        raise InputError(f"scan: a load is {short(float(known.min()))} N; a press is made with 0 or more")
-    return array
-
-
-def _as_moments(values: Any, count: int) -> FloatArray:
-    """Return the shares of `count` readings. Raises InputError for one that is not above 0, at most 1."""
-    array = _entry_each("moments", values, count).astype(float)
-    wrong = array[~((array > 0) & (array <= 1))]
-    if len(wrong):
-        raise InputError(
-            f"scan: a moment is {short(float(wrong[0]))}; it is the share of its press's load, above 0, at most 1"
-        )
-    return array
-
-
-def _as_whole_numbers(name: str, values: Any, count: int) -> NDArray[np.int64]:
-    """Return whole numbers from 0 on, one for each of `count` readings. Raises InputError for others."""
-    array = _entry_each(name, values, count, "iu").astype(np.int64)
-    if (array < 0).any():
-        raise InputError(f"scan: {name} must be {count:,} whole numbers from 0 on, got {array.min()}")
     return array

@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm
 
 from tactsim.core import Scan
+from tactsim.core.making import spread_out
 from tactsim.core.origins import object_origin, object_origins, seen_from
-from tactsim.core.poses import compose, exp, invert, log, spread_out, transform, wrap_angle
+from tactsim.core.poses import compose, exp, invert, log, transform, wrap_angle
 from tactsim.press.scan_poses import grid_poses, random_poses
 
 coordinates = st.floats(-100, 100)
