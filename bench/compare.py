@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +10,16 @@ from typing import Any
 import numpy as np
 
 from tactsim.bench.config import flags_of, flat
-from tactsim.bench.intervals import FEWEST_PAIRS, paired_interval
+from tactsim.bench.intervals import FEWEST_PAIRS, percentiles, resampled
 from tactsim.bench.results import Run
 from tactsim.bench.score import figures, settled_by
 from tactsim.core import InputError
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import shape_digest
 
+_DRAWS = 4000
+# So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
+_ENOUGH_PAIRS = 30
 LEVEL = 0.975  # of each of the two gated intervals, so that both hold together at 95 %
 
 
@@ -145,3 +149,21 @@ def check_same_trials(base: Run, new: Run) -> None:
         raise InputError(f"the runs saw different numbers of readings; {align}")
     if not np.array_equal(base.trials.true_pose, new.trials.true_pose):
         raise InputError(f"the objects do not move alike in both runs; {align}")
+
+
+def paired_interval(difference: FloatArray, rng: np.random.Generator, level: float) -> tuple[float, float]:
+    """Bound the mean of paired differences (n,): percentile bootstrap over pairs; of fewer than 30 Student's t.
+
+    The interval of fewer than `FEWEST_PAIRS` holds 0 in any case.
+    """
+    n = len(difference)
+    if n < _ENOUGH_PAIRS:
+        from scipy.special import stdtrit
+
+        middle, half = float(difference.mean()), 0.0
+        if n > 1:
+            half = float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n))
+        low, high = middle - half, middle + half
+        return (min(low, 0.0), max(high, 0.0)) if n < FEWEST_PAIRS else (low, high)
+    low, high = percentiles(resampled([n], rng, _DRAWS) @ difference / n, level)
+    return float(low), float(high)

@@ -23,7 +23,6 @@ from tactsim.bench import kinds
 from tactsim.bench.kinds import Config
 from tactsim.core import InputError, invert
 from tactsim.core.checking import checked
-from tactsim.core.documents import read_toml
 from tactsim.core.errors import unknown
 from tactsim.core.poses import FloatArray
 
@@ -559,6 +558,8 @@ def _world(name: str) -> Mapping[str, Any]:
     from tactsim.press import WORLDS, ScanOptions
 
     if name.endswith(".toml"):
+        from tactsim.core.documents import read_toml  # most worlds are those that come along
+
         where, values = f"world {name}", read_toml(name, "world")
         for own in ("seed", "test_poses"):
             if own in values:

@@ -1,4 +1,4 @@
-"""The one bootstrap: figures with 95 % intervals over scans and trials, and intervals of paired differences.
+"""The one bootstrap: figures with 95 % intervals over scans and trials; `compare` has those of paired differences.
 
 A run has a scan of its own, and all its trials share the maps learned from it. So its trials are not independent,
 and an interval from the trials of one run says nothing of the next scan. The bootstrap has two levels (Davison and
@@ -9,7 +9,6 @@ more, and there are only five, they hold the truth in 85 to 90 % of cases instea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,13 +20,10 @@ from numpy.typing import ArrayLike
 from tactsim.core.poses import FloatArray
 
 DRAWS = 2000
-PAIRED_DRAWS = 4000
 LEVEL = 0.95
 Z_95 = NormalDist().inv_cdf((1 + LEVEL) / 2)
 # Fewer pairs decide nothing: even if all of them speak for one side, chance does that in more than 1 of 40 cases.
 FEWEST_PAIRS = 7
-# So many pairs a bootstrap can draw from; of fewer its percentiles lie too near to each other.
-_ENOUGH_PAIRS = 30
 # All draws of a single trial are that trial, which would be an interval without a width.
 _FEWEST = 2
 
@@ -124,21 +120,3 @@ def counts_of(sizes: tuple[int, ...]) -> FloatArray:
     counts = resampled(sizes, np.random.default_rng(0))
     counts.setflags(write=False)
     return counts
-
-
-def paired_interval(difference: FloatArray, rng: np.random.Generator, level: float) -> tuple[float, float]:
-    """Bound the mean of paired differences (n,): percentile bootstrap over pairs; of fewer than 30 Student's t.
-
-    The interval of fewer than `FEWEST_PAIRS` holds 0 in any case.
-    """
-    n = len(difference)
-    if n < _ENOUGH_PAIRS:
-        from scipy.special import stdtrit
-
-        middle, half = float(difference.mean()), 0.0
-        if n > 1:
-            half = float(stdtrit(n - 1, (1 + level) / 2) * difference.std(ddof=1) / math.sqrt(n))
-        low, high = middle - half, middle + half
-        return (min(low, 0.0), max(high, 0.0)) if n < FEWEST_PAIRS else (low, high)
-    low, high = percentiles(resampled([n], rng, PAIRED_DRAWS) @ difference / n, level)
-    return float(low), float(high)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -18,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from tactsim.bench import columns, kinds
 from tactsim.bench.config import flat
 from tactsim.bench.kinds import PLANE, Kind
-from tactsim.bench.score import CURVES, Scored, figures, summarise
+from tactsim.bench.score import Scored, figures, summarise
 from tactsim.bench.trials import TrialPlan, TrialRules, Trials
 from tactsim.core.checking import checked
 from tactsim.core.errors import counted
@@ -29,9 +27,6 @@ from tactsim.press import WORLDS
 
 if TYPE_CHECKING:
     from tactsim.bench.runs.figures import Picture
-
-
-_ROWS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a small table shows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -250,7 +245,7 @@ class Run:
 
     def plot_shapes(self) -> Picture:
         """Draw the outlines of the user's own shapes as they were read. Raises InputError if there are none."""
-        from tactsim.bench.runs.figures import outlines_figure
+        from tactsim.bench.report.picture import outlines_figure
         from tactsim.models import shape
 
         return outlines_figure([shape(path) for path in self.shape_files])
@@ -285,17 +280,19 @@ class Run:
 
     def __repr__(self) -> str:
         """Say in one line what was tried and how it ended."""
-        return f"<Run of {self._asked}: {self._headline}>"
+        return f"<Run of {self.asked}: {self.outcome}>"
 
     @property
-    def _asked(self) -> str:
+    def asked(self) -> str:
+        """What was tried, in a line."""
         return (
             f"{self.described}, {counted(len(self.trials.truth), 'trial')} of "
             f"{counted(self.readings, self.kind.touch)} over {' '.join(self.letters)}, {self.protocol}"
         )
 
     @property
-    def _headline(self) -> str:
+    def outcome(self) -> str:
+        """How it ended, in a line."""
         names = ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
         accuracy, low, high, error = (self.summary[name][-1] for name in names)
         of_error = "" if error is None else f", error {error:.2f} mm"
@@ -306,25 +303,9 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Show the run in a notebook: what was tried, a small table and the curves."""
-        picture = base64.b64encode(self.plot().png(dpi=70)).decode()
-        rows = "".join(f"<tr><td>{'</td><td>'.join(cells)}</td></tr>" for cells in self._cells())
-        words = (self.kind.touches, CURVES["accuracy"].column, "95 % interval", CURVES["error_mm"].column)
-        heads = "".join(f"<th>{word}</th>" for word in words)
-        return (
-            f"<div><p><b>{html.escape(self.estimator)}</b> {html.escape(self._asked[len(self.estimator) :])}<br/>"
-            f"{html.escape(self._headline)}</p>"
-            f"<div style='display:flex;gap:2em;align-items:flex-start'>"
-            f"<table style='text-align:right'><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
-            f"<img alt='accuracy and error against readings' src='data:image/png;base64,{picture}'/></div></div>"
-        )
+        from tactsim.bench.runs.tables import in_notebook
 
-    def _cells(self) -> Iterator[tuple[str, ...]]:
-        """Write some rows of the table over the reading count."""
-        names = ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
-        for reading in sorted({row for row in (*_ROWS, self.readings) if row <= self.readings}):
-            accuracy, low, high, error = (self.summary[name][reading - 1] for name in names)
-            shown = "" if error is None else f"{error:.2f}"
-            yield str(reading), f"{accuracy:.3f}", f"{low:.3f} to {high:.3f}", shown
+        return in_notebook(self)
 
 
 BADLY_EXPLAINED = (

@@ -21,8 +21,8 @@ from tactsim.bench.leaderboard.standings import Entrant, Folder, Standings
 from tactsim.bench.pages import render
 from tactsim.bench.places import check_new_folder
 from tactsim.bench.report.curves import frontier
-from tactsim.bench.report.picture import alone, look
-from tactsim.bench.runs.figures import draw_frontier, plain_log
+from tactsim.bench.report.picture import alone, draw_frontier, look
+from tactsim.bench.runs.figures import plain_log
 from tactsim.bench.runs.pooled import cell
 from tactsim.bench.runs.tables import heading
 from tactsim.core.errors import InputError

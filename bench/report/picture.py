@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,25 +13,28 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from tactsim.bench.kinds import Sheet
 from tactsim.bench.report.curves import Point, axis_of_errors, below_bound, machine_line, points, reliability
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.figures import (
+    BLUE,
     COLOURS,
     FRONTIER,
     GRID,
     INK,
+    NAMES,
     SOFT,
+    Picture,
     as_bytes,
     draw_curve,
-    draw_frontier,
-    embedded,
     over_readings,
     plain_log,
 )
@@ -38,6 +42,7 @@ from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import rank_band, ranks
 from tactsim.core.errors import counted
 from tactsim.core.files import write_bytes
+from tactsim.models import Letter
 
 DASHES = ("-", (0, (5, 3)), (0, (1.5, 2)), (0, (6, 2, 1.5, 2)), (0, (1, 2)))
 CROWD = 12  # runs beyond which curves would hide each other: then only each method's largest budget is drawn
@@ -364,3 +369,59 @@ def _write(axes: Axes, noted: list[tuple[_Mark, str]], marks: Sequence[_Mark]) -
                     bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.3},
                 )  # fmt: skip
                 break
+
+
+def embedded(figure: Figure, name: str, words: str) -> Markup:
+    """Give a figure as SVG for a page, without a style of its own, in the page's colours and type.
+
+    name: unique in the page. words: what it shows, for who does not see it. An artist's gid becomes a class.
+    """
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        drawn = as_bytes(figure, "svg", salt=name).decode()
+    drawn = drawn[drawn.index("<svg") :].partition(">")[2]
+    view = f"0 0 {72 * figure.get_figwidth():g} {72 * figure.get_figheight():g}"
+    drawn = re.sub(r"<(metadata|style|!--).*?(</\1>|-->)", "", drawn, flags=re.DOTALL)
+    drawn = re.sub(
+        r'<g id="(?:([a-z]+(?:-\d+)?)|[^"]*)"', lambda g: f'<g class="{g[1]}"' if g[1] else "<g", drawn
+    )
+    drawn = re.sub(r'style="([^"]*)"', _attributes, drawn)
+    drawn = re.sub(r"(\d\.\d\d)\d+", r"\1", drawn)
+    head = f'<svg class="plot" role="img" aria-label="{escape(words)}" viewBox="{view}">'
+    return Markup(head + re.sub(r"\n\s*", "\n", drawn))
+
+
+def _attributes(style: re.Match[str]) -> str:
+    """Write a style as attributes, which a page's policy allows, with its colours by name."""
+    pairs = dict(one.split(": ", 1) for one in style[1].strip("; ").split("; ") if one)
+    font = pairs.pop("font", None)
+    if font:
+        pairs["font-size"] = re.findall(r"[\d.]+px", font)[0]
+    return " ".join(f'{name}="{NAMES.get(value, value)}"' for name, value in pairs.items())
+
+
+def draw_frontier(axes: Axes, corners: Iterable[tuple[float, float]]) -> None:
+    """Draw behind all else what no point is at once left of and below."""
+    axes.plot(
+        *np.array(sorted(corners)).reshape(-1, 2).T, color=FRONTIER, lw=7, alpha=0.35, solid_capstyle="round",
+        zorder=0, drawstyle="steps-post",
+    )  # fmt: skip
+
+
+def outlines_figure(letters: Sequence[Letter]) -> Picture:
+    """Draw the outlines of shapes, mm in their own frames."""
+    side = 2.6
+    figure = Picture(figsize=(side * len(letters), side + 0.3), layout="constrained")
+    for axes, letter in zip(figure.subplots(1, len(letters), squeeze=False)[0], letters, strict=True):
+        # One path of all contours: holes are left out by the winding of their corners.
+        path = Outline.make_compound_path(
+            *(Outline(np.vstack([contour, contour[:1]]), closed=True) for contour in letter.contours)
+        )
+        axes.add_patch(PathPatch(path, facecolor=BLUE, alpha=0.35, edgecolor=BLUE, lw=1.2))
+        axes.set_aspect("equal")
+        axes.autoscale_view()
+        left, low, right, high = letter.footprint.bounds()
+        size = f"{right - left:.1f} x {high - low:.1f} mm"
+        axes.set_title(f"{letter.name}\n{size}", fontsize=9, parse_math=False)
+        axes.tick_params(labelsize=7)
+        axes.set_xlabel("mm", fontsize=8)
+    return figure

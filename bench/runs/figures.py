@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from io import BytesIO
 from typing import Any, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from tactsim.bench.intervals import Z_95
@@ -26,20 +23,20 @@ from tactsim.bench.score import error_limits
 from tactsim.core import InputError
 from tactsim.core.errors import counted
 from tactsim.core.poses import FloatArray
-from tactsim.models import Letter
 
-# In files colours are those of a light page; `embedded` gives them back their names, for a page that may be dark.
-_NAMES = {
+# In files colours are those of a light page; `report.picture.embedded` gives them back their names, for a page that may
+# be dark.
+NAMES = {
     light: f"var({name})"
     for name, light in re.findall(
         r"(--[\w-]+): light-dark\((#\w+)",
         (files("tactsim.bench") / "report/assets/page.css").read_text(encoding="utf-8"),
     )
 }
-_COLOUR_OF = {name: light for light, name in _NAMES.items()}
+_COLOUR_OF = {name: light for light, name in NAMES.items()}
 INK, SOFT, GRID, FRONTIER = (_COLOUR_OF[f"var(--{name})"] for name in ("ink", "soft", "grid", "frontier"))
 # One colour a method, in order; the page has the same.
-COLOURS = tuple(light for light, name in _NAMES.items() if re.fullmatch(r"var\(--m\d+\)", name))
+COLOURS = tuple(light for light, name in NAMES.items() if re.fullmatch(r"var\(--m\d+\)", name))
 BLUE, ORANGE = COLOURS[:2]
 Figures: TypeAlias = Sequence[float | None] | FloatArray  # one after each reading
 
@@ -56,34 +53,6 @@ def as_bytes(figure: Figure, kind: str = "png", dpi: int = 150, salt: str = "tac
     return content.getvalue()
 
 
-def embedded(figure: Figure, name: str, words: str) -> Markup:
-    """Give a figure as SVG for a page, without a style of its own, in the page's colours and type.
-
-    name: unique in the page. words: what it shows, for who does not see it. An artist's gid becomes a class.
-    """
-    with mpl.rc_context({"svg.fonttype": "none"}):
-        drawn = as_bytes(figure, "svg", salt=name).decode()
-    drawn = drawn[drawn.index("<svg") :].partition(">")[2]
-    view = f"0 0 {72 * figure.get_figwidth():g} {72 * figure.get_figheight():g}"
-    drawn = re.sub(r"<(metadata|style|!--).*?(</\1>|-->)", "", drawn, flags=re.DOTALL)
-    drawn = re.sub(
-        r'<g id="(?:([a-z]+(?:-\d+)?)|[^"]*)"', lambda g: f'<g class="{g[1]}"' if g[1] else "<g", drawn
-    )
-    drawn = re.sub(r'style="([^"]*)"', _attributes, drawn)
-    drawn = re.sub(r"(\d\.\d\d)\d+", r"\1", drawn)
-    head = f'<svg class="plot" role="img" aria-label="{escape(words)}" viewBox="{view}">'
-    return Markup(head + re.sub(r"\n\s*", "\n", drawn))
-
-
-def _attributes(style: re.Match[str]) -> str:
-    """Write a style as attributes, which a page's policy allows, with its colours by name."""
-    pairs = dict(one.split(": ", 1) for one in style[1].strip("; ").split("; ") if one)
-    font = pairs.pop("font", None)
-    if font:
-        pairs["font-size"] = re.findall(r"[\d.]+px", font)[0]
-    return " ".join(f'{name}="{_NAMES.get(value, value)}"' for name, value in pairs.items())
-
-
 def draw_curve(
     axes: Axes, values: Figures, low: Figures | None = None, high: Figures | None = None, *,
     color: str, band: str | None = None, gid: str | None = None, **style: Any,
@@ -97,14 +66,6 @@ def draw_curve(
         below, above = (np.array(end, dtype=float) for end in (low, high))
         axes.fill_between(seen, below, above, color=color, alpha=0.15, lw=0, label=band, gid=gid)
     return axes.plot(seen, np.array(values, dtype=float), color=color, gid=gid, **{"lw": 1.5, **style})
-
-
-def draw_frontier(axes: Axes, corners: Iterable[tuple[float, float]]) -> None:
-    """Draw behind all else what no point is at once left of and below."""
-    axes.plot(
-        *np.array(sorted(corners)).reshape(-1, 2).T, color=FRONTIER, lw=7, alpha=0.35, solid_capstyle="round",
-        zorder=0, drawstyle="steps-post",
-    )  # fmt: skip
 
 
 def plain_log(axis: Axis) -> None:
@@ -196,26 +157,6 @@ def over_readings(axes: Axes, readings: int) -> None:
     axes.set(xlim=(1, max(2, readings)), xlabel="readings seen")
     axes.spines[["top", "right"]].set_visible(False)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))  # no half readings
-
-
-def outlines_figure(letters: Sequence[Letter]) -> Picture:
-    """Draw the outlines of shapes, mm in their own frames."""
-    side = 2.6
-    figure = Picture(figsize=(side * len(letters), side + 0.3), layout="constrained")
-    for axes, letter in zip(figure.subplots(1, len(letters), squeeze=False)[0], letters, strict=True):
-        # One path of all contours: holes are left out by the winding of their corners.
-        path = Path.make_compound_path(
-            *(Path(np.vstack([contour, contour[:1]]), closed=True) for contour in letter.contours)
-        )
-        axes.add_patch(PathPatch(path, facecolor=BLUE, alpha=0.35, edgecolor=BLUE, lw=1.2))
-        axes.set_aspect("equal")
-        axes.autoscale_view()
-        left, low, right, high = letter.footprint.bounds()
-        size = f"{right - left:.1f} x {high - low:.1f} mm"
-        axes.set_title(f"{letter.name}\n{size}", fontsize=9, parse_math=False)
-        axes.tick_params(labelsize=7)
-        axes.set_xlabel("mm", fontsize=8)
-    return figure
 
 
 def maps_figure(maps: Mapping[str, Any]) -> Picture:

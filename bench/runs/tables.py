@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from tactsim.bench.columns import csv_text
 from tactsim.bench.kinds import PLANE
+from tactsim.bench.results import Run
 from tactsim.bench.runs.pooled import Pooled, cell, figure_of, metric_of
+from tactsim.bench.score import CURVES
 from tactsim.core.errors import counted
 
+_SHOWN = (1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 60, 100, 150)  # readings that a small table shows
 Rows = Sequence[Sequence[str]]
 # What of a text means something to LaTeX, and how it is written there.
 _LATEX = {
@@ -147,3 +152,27 @@ def csv_table(pools: Sequence[Pooled], figures: Sequence[str], ranks: Sequence[s
             ]
         )  # fmt: skip
     return csv_text([*(["rank"] if ranks else []), *who, *numbers], rows)
+
+
+def in_notebook(run: Run) -> str:
+    """Show a run in a notebook, as HTML: what was tried, a small table and the curves."""
+    picture = base64.b64encode(run.plot().png(dpi=70)).decode()
+    rows = "".join(f"<tr><td>{'</td><td>'.join(cells)}</td></tr>" for cells in _cells(run))
+    words = (run.kind.touches, CURVES["accuracy"].column, "95 % interval", CURVES["error_mm"].column)
+    heads = "".join(f"<th>{word}</th>" for word in words)
+    return (
+        f"<div><p><b>{html.escape(run.estimator)}</b> {html.escape(run.asked[len(run.estimator) :])}<br/>"
+        f"{html.escape(run.outcome)}</p>"
+        f"<div style='display:flex;gap:2em;align-items:flex-start'>"
+        f"<table style='text-align:right'><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+        f"<img alt='accuracy and error against readings' src='data:image/png;base64,{picture}'/></div></div>"
+    )
+
+
+def _cells(run: Run) -> Iterator[tuple[str, ...]]:
+    """Write some rows of the table over the reading count."""
+    names = ("accuracy", "accuracy_low", "accuracy_high", "error_mm")
+    for reading in sorted({row for row in (*_SHOWN, run.readings) if row <= run.readings}):
+        accuracy, low, high, error = (run.summary[name][reading - 1] for name in names)
+        shown = "" if error is None else f"{error:.2f}"
+        yield str(reading), f"{accuracy:.3f}", f"{low:.3f} to {high:.3f}", shown

@@ -1,8 +1,4 @@
-"""The terms of the readings of a sequence, and their sums: at states anywhere, and on the planes of a grid (compiled).
-
-A plane is all bins of one letter and one angle: their x and y differ by whole bins. So a taxel sees, from bin to bin,
-nodes of its table that follow each other, and a sum over taxels is one of shifted slices.
-"""
+"""The terms of the readings of a sequence, and their sums at states anywhere (compiled); those of planes: `binned`."""
 
 from __future__ import annotations
 
@@ -10,9 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float32, float64, int32, int64, uint32, uint64
+from numba import float32, float64, int32, uint32, uint64
 
-from tactsim.core.compiling import Floats1D, Floats2D, Int16s1D, Int16s4D, Ints1D, Reals1D, Reals2D, compiled
+from tactsim.core.compiling import Floats1D, Int16s1D, Int16s4D, Ints1D, Reals1D, Reals2D, compiled
 
 # How far one operation in float32 may be off, relative to its result.
 ROUNDING = 2.0**-23
@@ -22,7 +18,7 @@ LANES = 16
 # States that `replay` takes one term after another for: what it keeps of them stays in the nearest cache.
 _BLOCK = 128
 # Bins; a taxel that many bins from the first bin, or nowhere, is off the map, and its index might overflow.
-_FAR = 1e9
+FAR = 1e9
 
 
 class Terms(NamedTuple):
@@ -207,53 +203,3 @@ def replay(
                 mixed[k] = value
                 if load == terms.loads - 1:
                     log_p[block + k] += value
-
-
-@compiled(called_from_python=False)
-def sum_plane(
-    total: Floats2D, lattice: Lattice, terms: Terms, reading: int, letter: int, cos: float, sin: float
-) -> None:
-    """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
-
-    It is for readings of one load. Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies
-    beyond is any number.
-    """
-    _, letters, phases_y, phases_x, rows, columns = lattice.shape
-    nodes, place, width = lattice.nodes, lattice.place, columns + LANES
-    plane, total_columns, sums = rows * width, total.shape[1], total.reshape(total.size)
-    sums[:] = 0
-    for i in range(terms.start[reading], terms.start[reading + 1]):
-        x = (cos * terms.xy[i, 0] - sin * terms.xy[i, 1] + place[0]) / place[2]
-        y = (sin * terms.xy[i, 0] + cos * terms.xy[i, 1] + place[1]) / place[3]
-        if not (abs(x) < _FAR and abs(y) < _FAR):
-            continue
-        # The node before the first bin's taxel: `left` whole bins, and so many nodes of those between two bins.
-        left, below = int64(math.floor(x)), int64(math.floor(y))
-        x, y = (x - left) * phases_x, (y - below) * phases_y
-        step_x, step_y = min(int64(x), phases_x - 1), min(int64(y), phases_y - 1)
-        right, above, weight = x - step_x, y - step_y, terms.weight[i] * lattice.unit
-        # The next node is in the next plane of nodes, or in the next column or row of the first.
-        over_x, over_y = step_x + 1 == phases_x, step_y + 1 == phases_y
-        to_right = 1 - step_x * plane if over_x else plane
-        to_above = width - step_y * phases_x * plane if over_y else phases_x * plane
-        share_1, share_2 = float32(weight * (1 - above) * (1 - right)), float32(weight * (1 - above) * right)
-        share_3, share_4 = float32(weight * above * (1 - right)), float32(weight * above * right)
-        first = (terms.kind[i] * letters + letter) * phases_y * phases_x * plane
-        first += (step_y * phases_x + step_x) * plane + LANES
-        # Beyond its rows and columns a table is 0, and so is its rim.
-        begin, end = max(0, -below), min(len(total), rows - below - over_y)
-        for column in range(0, total_columns, LANES):
-            if not -LANES < left + column < columns:
-                continue
-            for row in range(begin, end):
-                node = first + (row + below) * width + left + column
-                node_1, node_2 = uint64(node), uint64(node + to_right)
-                node_3, node_4 = uint64(node + to_above), uint64(node + to_right + to_above)
-                bin_1 = uint64(row * total_columns + column)
-                for lane in range(uint64(LANES)):
-                    sums[bin_1 + lane] += (
-                        share_1 * float32(nodes[node_1 + lane])
-                        + share_2 * float32(nodes[node_2 + lane])
-                        + share_3 * float32(nodes[node_3 + lane])
-                        + share_4 * float32(nodes[node_4 + lane])
-                    )

@@ -1,9 +1,11 @@
-"""The log-belief of all bins of a grid, kept up to date with a field; planes of bins that cannot matter wait.
+"""The log-belief of all bins of a grid, kept up to date with a field; planes that cannot matter wait (compiled).
 
-A plane is all bins of one letter and one angle. Its upper bound is its highest log-belief so far, and what the readings
-that it waited for may give at most. While the bound is below what matters, its bins wait. A bin's terms are added in
-the same order and precision whenever it is evaluated, so what is not left alone is the same to the bit as without
-waiting (branch and bound: Land and Doig 1960; for matching scans to maps Olson 2009).
+A plane is all bins of one letter and one angle: their x and y differ by whole bins. So a taxel sees, from bin to bin,
+nodes of its table that follow each other, and a sum over taxels is one of shifted slices. A plane's upper bound is its
+highest log-belief so far, and what the readings that it waited for may give at most. While the bound is below what
+matters, its bins wait. A bin's terms are added in the same order and precision whenever it is evaluated, so what is not
+left alone is the same to the bit as without waiting (branch and bound: Land and Doig 1960; for matching scans to maps
+Olson 2009).
 """
 
 from __future__ import annotations
@@ -12,12 +14,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import float32, int64, uint64
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, Reals4D, compiled
+from tactsim.core.compiling import Floats2D, Ints1D, Ints2D, Reals1D, Reals2D, Reals4D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import PoseSamples
-from tactsim.estimators.field.kernels import LANES, Lattice, Terms, sum_plane
+from tactsim.estimators.field.kernels import FAR, LANES, Lattice, Terms
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.grid import StateGrid
 from tactsim.estimators.filters.states import Weights, pose_samples
@@ -58,6 +61,56 @@ def replace_least(kept: Reals1D, value: float) -> None:
         kept[place] = kept[below]
         place = below
     kept[place] = value
+
+
+@compiled(called_from_python=False)
+def sum_plane(
+    total: Floats2D, lattice: Lattice, terms: Terms, reading: int, letter: int, cos: float, sin: float
+) -> None:
+    """Sum the terms of a reading for the bins of one letter and angle, less what a bin far off the map gets.
+
+    It is for readings of one load. Fills total (rows, columns), columns rounded up to a multiple of LANES; what lies
+    beyond is any number.
+    """
+    _, letters, phases_y, phases_x, rows, columns = lattice.shape
+    nodes, place, width = lattice.nodes, lattice.place, columns + LANES
+    plane, total_columns, sums = rows * width, total.shape[1], total.reshape(total.size)
+    sums[:] = 0
+    for i in range(terms.start[reading], terms.start[reading + 1]):
+        x = (cos * terms.xy[i, 0] - sin * terms.xy[i, 1] + place[0]) / place[2]
+        y = (sin * terms.xy[i, 0] + cos * terms.xy[i, 1] + place[1]) / place[3]
+        if not (abs(x) < FAR and abs(y) < FAR):
+            continue
+        # The node before the first bin's taxel: `left` whole bins, and so many nodes of those between two bins.
+        left, below = int64(math.floor(x)), int64(math.floor(y))
+        x, y = (x - left) * phases_x, (y - below) * phases_y
+        step_x, step_y = min(int64(x), phases_x - 1), min(int64(y), phases_y - 1)
+        right, above, weight = x - step_x, y - step_y, terms.weight[i] * lattice.unit
+        # The next node is in the next plane of nodes, or in the next column or row of the first.
+        over_x, over_y = step_x + 1 == phases_x, step_y + 1 == phases_y
+        to_right = 1 - step_x * plane if over_x else plane
+        to_above = width - step_y * phases_x * plane if over_y else phases_x * plane
+        share_1, share_2 = float32(weight * (1 - above) * (1 - right)), float32(weight * (1 - above) * right)
+        share_3, share_4 = float32(weight * above * (1 - right)), float32(weight * above * right)
+        first = (terms.kind[i] * letters + letter) * phases_y * phases_x * plane
+        first += (step_y * phases_x + step_x) * plane + LANES
+        # Beyond its rows and columns a table is 0, and so is its rim.
+        begin, end = max(0, -below), min(len(total), rows - below - over_y)
+        for column in range(0, total_columns, LANES):
+            if not -LANES < left + column < columns:
+                continue
+            for row in range(begin, end):
+                node = first + (row + below) * width + left + column
+                node_1, node_2 = uint64(node), uint64(node + to_right)
+                node_3, node_4 = uint64(node + to_above), uint64(node + to_right + to_above)
+                bin_1 = uint64(row * total_columns + column)
+                for lane in range(uint64(LANES)):
+                    sums[bin_1 + lane] += (
+                        share_1 * float32(nodes[node_1 + lane])
+                        + share_2 * float32(nodes[node_2 + lane])
+                        + share_3 * float32(nodes[node_3 + lane])
+                        + share_4 * float32(nodes[node_4 + lane])
+                    )
 
 
 @compiled()

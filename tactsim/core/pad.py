@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from tactsim.core.checking import Settings, checked
-from tactsim.core.documents import read_toml
 from tactsim.core.poses import FloatArray
 
 OFFSET = 10.0  # mm: an object is hidden with x and y of T_R^O in [-OFFSET, OFFSET] (paper, section IV)
@@ -79,6 +78,8 @@ class Pad(Settings):
         `no_seam = true` and `seam = "none"` say the same: one array.
         Raises InputError if the file cannot be read or a value is unknown or out of range.
         """
+        from tactsim.core.documents import read_toml  # most pads are the paper's
+
         table = read_toml(path, "pad")
         return checked(cls, table.get("pad", table), f"pad {path}")
 

@@ -35,17 +35,22 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, islice, pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from tactsim.core.errors import InputError
+from tactsim.core.npz import LARGEST
 from tactsim.core.poses import FloatArray
+from tactsim.core.seeds import stream
 from tactsim.press.bed import MM, Bed, Springs, lay_bed, levels
 from tactsim.press.scan_options import CLEARANCE, PressOptions, ScanOptions
 from tactsim.press.scene import Scene, Setup, scene
-from tactsim.press.sensor import hysteretic
+from tactsim.press.sensor import gains, sense
 from tactsim.press.spread import Patches
 from tactsim.press.touches import Pressed, Touches, UnsettledError, unsettled
 
@@ -369,3 +374,87 @@ def _steps(control: ForceControl, ramp: float) -> tuple[float, float, float]:
     shortest = min(_TOUCH_STEP / control.rate, longest)
     approach = max(shortest, _APPROACH_STEP / control.braking)
     return shortest, longest, approach
+
+
+def hysteretic(images: FloatArray, share: float) -> FloatArray:
+    """Let the images of one touch depend on how they came about: (images, taxels) kPa.
+
+    images: (images, taxels) kPa, from before the touch on. share: `SensorOptions.hysteresis`.
+
+    Preisach's model (I. D. Mayergoyz, Mathematical Models of Hysteresis, 1991) with Everett's function
+    E(a, b) = (b - a) (1 - 4 share a / b): a load that has only risen is read as it is; one that falls from
+    b to a is read as b - E(a, b), at most share * b too high (at half the load) and right again at 0. A small
+    loop within closes, and is forgotten when the load leaves it.
+    """
+    if not share:
+        return images
+    result = images.copy()
+    for taxel in np.flatnonzero((np.diff(images, axis=0) < 0).any(axis=0)):
+        turns = [
+            0.0
+        ]  # loads where the course turned and what has not been wiped out: low, high, low, ..., now
+        for index, load in enumerate(images[:, taxel].tolist()):
+            _follow(turns, max(load, 0.0))
+            result[index, taxel] = sum(
+                (high - low) * (1 - 4 * share * low / high) * (1 if after > before else -1)
+                for before, after in pairwise(turns)
+                for low, high in [sorted((before, after))]
+            )
+    return result
+
+
+def _follow(turns: list[float], load: float) -> None:
+    """Go on to `load`, and forget the turns of the loops that close on the way."""
+    rising = len(turns) % 2 == 0
+    if (load >= turns[-1]) == rising or load == turns[-1]:
+        turns[-1] = load
+    else:
+        turns.append(load)
+    while len(turns) > 2:
+        rising = len(turns) % 2 == 0
+        if not (load >= turns[-3] if rising else load <= turns[-3]):
+            break
+        del turns[-3:-1]
+
+
+def sequences(
+    batches: Sequence[tuple[str, str]], pressed: Sequence[Sequence[Moving | None]], options: ScanOptions
+) -> dict[str, Any]:
+    """Sense the images of presses; each batch, of a letter and a split, has a random stream for them of its own.
+
+    The zero drifts from press to press, so images on the way to one reading have no drift of their own. Returns what
+    `Scan` calls sequence, sequence_times and sequence_force.
+    """
+    images, times, force = _aligned(list(chain(*pressed)), options.press.frame_rate, options.pad.taxels)
+    gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
+    left = iter(images)
+    for (name, split), presses in zip(batches, pressed, strict=True):
+        rng = stream(options.seed, name, split, "sequence")
+        for image in islice(left, len(presses)):
+            image[:] = sense(image, sensor, gain, rng, rows=options.pad.rows, one_touch=True)
+    return {"sequence": images, "sequence_times": times, "sequence_force": force}
+
+
+def _aligned(
+    presses: Sequence[Moving | None], frame_rate: float, taxels: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bring presses to common times: images (n, frames, taxels) kPa, times (frames,) s, force (n, frames) N.
+
+    Times are k / frame_rate until the last press rests; a press at rest keeps its last image. Where nothing
+    touched, all is 0. Raises InputError if the images would take more than a scan's file may hold.
+    """
+    frames = max([1, *(len(moving.times) for moving in presses if moving is not None)])
+    size = 4 * len(presses) * frames * taxels
+    if size > LARGEST // 2:
+        raise InputError(
+            f"{len(presses):,} presses of {frames:,} images are {size:,} bytes, more than a scan's "
+            f"{LARGEST // 2:,}; choose a lower press.frame_rate or fewer letters"
+        )
+    times = np.arange(1, frames + 1) / frame_rate
+    images, force = np.zeros((len(presses), frames, taxels)), np.zeros((len(presses), frames))
+    for image, total, moving in zip(images, force, presses, strict=True):
+        if moving is not None:
+            before = len(moving.times) - 1
+            image[:before], image[before:] = moving.images[:-1], moving.images[-1]
+            total[:] = np.interp(times, moving.trace.times, moving.trace.force)
+    return images, times, force

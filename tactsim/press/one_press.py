@@ -14,7 +14,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.models.letter import Letter
 from tactsim.press.engine import ideal_readings
 from tactsim.press.scan_options import ScanOptions
-from tactsim.press.sensor import EFFECTS, gains, hysteretic, sense
+from tactsim.press.sensor import EFFECTS, gains, sense
 from tactsim.press.touches import Touches
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def press_letter(
     touches = Touches.of(letter, pose[None], (options.press.tilt_x, options.press.tilt_y))
     moved = None
     if options.press.dynamics == "full":
-        from tactsim.press.dynamics import ideal_sequence
+        from tactsim.press.dynamics import hysteretic, ideal_sequence
 
         moved = ideal_sequence(touches, options)
     if moved is None:  # at rest, or beside the letter: there is nothing to follow through time

@@ -8,11 +8,9 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactsim import models
 from tactsim.core.errors import InputError
@@ -114,6 +112,12 @@ def scan_letters(
         for batch, found in zip(batches, ideal, strict=True)
         for row, reason in sorted(found.blanks.items())
     ]
+    more = {}
+    if sequence:
+        from tactsim.press.dynamics import sequences
+
+        of_batches = [[found.moving[row] for row in rows] for found, rows in zip(ideal, kept, strict=True)]
+        more = sequences([(one.letter.name, one.split) for one in batches], of_batches, options)
     scan = Scan(
         np.concatenate(readings),
         np.concatenate([batch.stated[rows] for batch, rows in zip(batches, kept, strict=True)]),
@@ -121,7 +125,7 @@ def scan_letters(
         np.array([batch.split for batch, rows in zip(batches, kept, strict=True) for _ in rows]),
         options.pad.taxel_xy,
         _meta(options, letters) | ({"blanks": blanks} if blanks else {}),
-        **(_sequences(batches, ideal, kept, options) if sequence else {}),
+        **more,
     )
     engines = {name: count for name, count in work.items() if name.startswith("engine_")}
     skipped = {name: count for name, count in work.items() if name != "presses" and name not in engines}
@@ -257,51 +261,6 @@ def _press(task: tuple[Any, Touches, ScanOptions, bool]) -> tuple[_Ideal, Counte
             for press in pressed.load.presses
         ]
     return _Ideal(pressed.readings(options), pressed.blanks, tuple(moving)), pressed.work
-
-
-def _sequences(
-    batches: Sequence[_Batch], ideal: Sequence[_Ideal], kept: Sequence[NDArray[np.intp]], options: ScanOptions
-) -> dict[str, Any]:
-    """Sense the images of the presses `kept`; each batch has a random stream for them of its own.
-
-    The zero drifts from press to press, so images on the way to one reading have no drift of their own.
-    """
-    presses = [found.moving[row] for found, rows in zip(ideal, kept, strict=True) for row in rows]
-    images, times, force = _aligned(presses, options.press.frame_rate, options.pad.taxels)
-    gain, sensor = gains(options), options.sensor.model_copy(update={"drift": 0.0})
-    left = iter(images)
-    for batch, rows in zip(batches, kept, strict=True):
-        rng = stream(options.seed, batch.letter.name, batch.split, "sequence")
-        for image in islice(left, len(rows)):
-            image[:] = sense(image, sensor, gain, rng, rows=options.pad.rows, one_touch=True)
-    return {"sequence": images, "sequence_times": times, "sequence_force": force}
-
-
-def _aligned(
-    presses: Sequence[Moving | None], frame_rate: float, taxels: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bring presses to common times: images (n, frames, taxels) kPa, times (frames,) s, force (n, frames) N.
-
-    Times are k / frame_rate until the last press rests; a press at rest keeps its last image. Where nothing
-    touched, all is 0. Raises InputError if the images would take more than a scan's file may hold.
-    """
-    from tactsim.core.npz import LARGEST
-
-    frames = max([1, *(len(moving.times) for moving in presses if moving is not None)])
-    size = 4 * len(presses) * frames * taxels
-    if size > LARGEST // 2:
-        raise InputError(
-            f"{len(presses):,} presses of {frames:,} images are {size:,} bytes, more than a scan's "
-            f"{LARGEST // 2:,}; choose a lower press.frame_rate or fewer letters"
-        )
-    times = np.arange(1, frames + 1) / frame_rate
-    images, force = np.zeros((len(presses), frames, taxels)), np.zeros((len(presses), frames))
-    for image, total, moving in zip(images, force, presses, strict=True):
-        if moving is not None:
-            before = len(moving.times) - 1
-            image[:before], image[before:] = moving.images[:-1], moving.images[-1]
-            total[:] = np.interp(times, moving.trace.times, moving.trace.force)
-    return images, times, force
 
 
 def _settling(ideal: Sequence[_Ideal]) -> dict[str, Any]:

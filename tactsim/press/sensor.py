@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -137,6 +136,8 @@ class Hysteresis(Effect):
 
     def apply(self, readings: FloatArray, drawn: FloatArray, at: Frames) -> FloatArray:
         """Let images depend on how they came about."""
+        from tactsim.press.dynamics import hysteretic  # which presses through time, as such images are made
+
         return (
             np.stack([hysteretic(some, self.hysteresis) for some in readings]) if at.one_touch else readings
         )
@@ -508,47 +509,6 @@ def take(
         if effect.acts(options):
             readings = effect.apply(options, readings, drawn.get(effect, np.empty(0)), at)
     return readings
-
-
-def hysteretic(images: FloatArray, share: float) -> FloatArray:
-    """Let the images of one touch depend on how they came about: (images, taxels) kPa.
-
-    images: (images, taxels) kPa, from before the touch on. share: `SensorOptions.hysteresis`.
-
-    Preisach's model (I. D. Mayergoyz, Mathematical Models of Hysteresis, 1991) with Everett's function
-    E(a, b) = (b - a) (1 - 4 share a / b): a load that has only risen is read as it is; one that falls from
-    b to a is read as b - E(a, b), at most share * b too high (at half the load) and right again at 0. A small
-    loop within closes, and is forgotten when the load leaves it.
-    """
-    if not share:
-        return images
-    result = images.copy()
-    for taxel in np.flatnonzero((np.diff(images, axis=0) < 0).any(axis=0)):
-        turns = [
-            0.0
-        ]  # loads where the course turned and what has not been wiped out: low, high, low, ..., now
-        for index, load in enumerate(images[:, taxel].tolist()):
-            _follow(turns, max(load, 0.0))
-            result[index, taxel] = sum(
-                (high - low) * (1 - 4 * share * low / high) * (1 if after > before else -1)
-                for before, after in pairwise(turns)
-                for low, high in [sorted((before, after))]
-            )
-    return result
-
-
-def _follow(turns: list[float], load: float) -> None:
-    """Go on to `load`, and forget the turns of the loops that close on the way."""
-    rising = len(turns) % 2 == 0
-    if (load >= turns[-1]) == rising or load == turns[-1]:
-        turns[-1] = load
-    else:
-        turns.append(load)
-    while len(turns) > 2:
-        rising = len(turns) % 2 == 0
-        if not (load >= turns[-3] if rising else load <= turns[-3]):
-            break
-        del turns[-3:-1]
 
 
 def gains(options: ScanOptions) -> FloatArray:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from made_up import make_run
 
-from tactsim.bench.compare import compare, paired
-from tactsim.bench.intervals import FEWEST_PAIRS, paired_interval
+from tactsim.bench.compare import compare, paired, paired_interval
+from tactsim.bench.intervals import FEWEST_PAIRS
 from tactsim.core import InputError
 from tactsim.estimators import NONE
 

@@ -270,6 +270,6 @@ def test_images_have_the_sensor_s_imperfections_with_random_numbers_of_their_own
 
 
 def test_sequences_that_no_file_would_hold_are_refused(monkeypatch, few_angles):
-    monkeypatch.setattr("tactsim.core.npz.LARGEST", 25_000)
+    monkeypatch.setattr("tactsim.press.dynamics.LARGEST", 25_000)
     with pytest.raises(InputError, match=r"press\.frame_rate"):
         scan_letters(FULL, cache=False, sequence=True)
