@@ -26,8 +26,8 @@ from tactsim.bench.trials import (
 )
 from tactsim.core import InputError, Scan
 from tactsim.core.source_digest import git_commit
-from tactsim.estimators import Estimator, Options, create
-from tactsim.estimators.estimator import about_estimator, name_of, proposes_none
+from tactsim.estimators import Estimator, create
+from tactsim.estimators.estimator import about_estimator, check_options, name_of, proposes_none
 from tactsim.estimators.registry import load
 
 PARTS = 8  # of the trials, for each process: none waits long for the last of another
@@ -111,8 +111,7 @@ def _with_estimator(config: Config, estimator: Estimator) -> Config:
     """Name an estimator, by its class if it is not registered, and its options. Raises InputError if it has none."""
     kind = type(estimator)
     name = name_of(estimator)
-    if not isinstance(getattr(estimator, "options", None), Options):
-        raise InputError(f"estimator {name} has no options; its __init__ must call super().__init__(options)")
+    check_options(estimator, name)
     if config.options:
         raise InputError(f"the estimator {name} was given with its options; leave out bins, particles, set")
     options = estimator.options.model_dump(mode="json", exclude_defaults=True)

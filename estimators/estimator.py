@@ -238,6 +238,12 @@ def name_of(estimator: Estimator) -> str:
     return estimator.created_as or type(estimator).__name__
 
 
+def check_options(estimator: Estimator, name: str) -> None:
+    """Raise InputError unless an estimator of somebody's own has kept its options."""
+    if not isinstance(getattr(estimator, "options", None), Options):
+        raise InputError(f"estimator {name} has no options; its __init__ must call super().__init__(options)")
+
+
 @contextmanager
 def no_exit(estimator: Estimator | str) -> Iterator[None]:
     """Run the code of an estimator, or of one called so; if it would end the program, that is a failure of it.

@@ -8,7 +8,7 @@ from typing import Any, cast
 from tactsim.core.checking import checked
 from tactsim.core.errors import InputError, short, some
 from tactsim.core.plug_ins import Registry, fault_of_class
-from tactsim.estimators.estimator import Estimator, Options, no_exit
+from tactsim.estimators.estimator import Estimator, Options, check_options, no_exit
 from tactsim.estimators.likelihoods.likelihood import kind_of
 from tactsim.estimators.options import LikelihoodOptions, joined
 
@@ -104,6 +104,7 @@ def create(name: str, **options: Any) -> Estimator:
     asked = checked(taken, options, f"estimator {name}")
     with no_exit(name):
         made = kind(asked)
+    check_options(made, name)
     made.created_as = name
     return made
 

@@ -177,7 +177,10 @@ def run_app() -> NoReturn:
         died = "a worker process died; it was killed or ran out of memory; nothing half-written was kept"
         fail(f"{died}; start again, perhaps with fewer --jobs", FAILED)
     except TyperException as error:
-        fail(_in_plain_words(error) + _settings(error))
+        said = _in_plain_words(error)
+        if not said:  # without a word it has shown what there is
+            sys.exit(WRONG_INPUT)
+        fail(said + _settings(error).removeprefix("." if said.endswith("?") else ""))
     except (KeyboardInterrupt, Abort):
         end_interrupted()
     except SystemError as error:

@@ -255,7 +255,9 @@ def _draw_reliability(axes: Axes, group: Group) -> None:
         stated, right, count = np.array([(one.probability, one.right, one.count) for one in found]).T
         axes.plot(stated, right, alpha=0.75, lw=1, **style)
         size = (3 + 8 * np.sqrt(count / most)) ** 2
-        axes.scatter(stated, right, size, color=style["color"], marker=marker)
+        axes.scatter(
+            stated, right, size, fc="none", ec=style["color"], lw=1.5, marker=marker, clip_on=False, zorder=3
+        )
     axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="probability stated")
 
 
@@ -321,10 +323,11 @@ def _legend(figure: Figure, lines: Sequence[Line2D]) -> None:
     for label in (str(line.get_label()) for line in handles):
         short = textwrap.shorten(label, LONGEST_LABEL, placeholder="…") or label[:LONGEST_LABEL]
         labels.append(f" {short}" if label.startswith("_") else short)
-    full = figure.get_figwidth() / Sheet.width
-    columns = max(1, min(round((3 if max(map(len, labels)) > 24 else 4) * full), len(labels)))
+    width = figure.get_figwidth()
+    of_column = (5 * max(map(len, labels)) + 40) / 72  # inches: 5 pt a letter at most, beside its line
+    columns = max(1, min(int(width / of_column), 4, len(labels)))
     rows = -(-len(labels) // columns)
-    more = 0.19 * max(0, rows - round(6 * full))  # inches: the plots keep theirs
+    more = 0.19 * max(0, rows - round(6 * width / Sheet.width))  # inches: the plots keep theirs
     figure.set_figheight(figure.get_figheight() + more)
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, frameon=False, fontsize=8)
 

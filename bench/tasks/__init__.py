@@ -187,7 +187,7 @@ def task(name: str) -> Task:
         )
     path = Path(name)
     if path.suffix != ".toml":
-        raise unknown("task", name, [*names(), "FILE.toml"])
+        raise unknown("task", name, [*names(), "solids", "FILE.toml"])
     table = read_toml(path, "task")
     if isinstance(table.get("words"), dict):
         table["words"] = _beside(table["words"], path.parent)

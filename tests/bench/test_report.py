@@ -346,7 +346,8 @@ def test_the_papers_figures_look_different_and_their_legend_lies_on_no_curve():
 
 
 @pytest.mark.parametrize(
-    ("width", "panel", "axes"), [(3.4, "error", 1), (3.4, None, 2), (7.16, "accuracy", 1)]
+    ("width", "panel", "axes"),
+    [(3.4, "error", 1), (3.4, "accuracy", 1), (3.4, None, 2), (7.16, "accuracy", 1)],
 )
 def test_a_figure_for_a_column_has_its_width_and_type(width, panel, axes):
     (group,) = collect(list(with_budgets({1_000: 1, 10_000: 2})))

@@ -71,6 +71,9 @@ def test_a_plug_in_is_found_made_and_listed(site, monkeypatch):
     assert (row.summary, row.status) == ("Does nothing well.", "from plugged")
     with pytest.raises(InputError, match="unknown option 'x'"):
         estimators.create("good", x=1)
+    monkeypatch.setattr(load("good"), "__init__", lambda self, options: None)
+    with pytest.raises(InputError, match=r"must call super\(\).__init__"):
+        estimators.create("good")
 
 
 @pytest.mark.parametrize(
