@@ -222,6 +222,8 @@ def _one_model(content: bytes) -> bytes:
             return content
         models = {"/" + name.lstrip("/"): ElementTree.fromstring(archive.read(name)) for name in names}
     main = models["/" + mains[0].lstrip("/")]
+    if len(units := {model.get("unit", "millimeter") for model in models.values()}) > 1:
+        raise InputError(f"its parts are in {' and '.join(sorted(units))}: export it in one unit")
     for path, model in models.items():
         for tag, key in (("object", "id"), ("component", "objectid"), ("item", "objectid")):
             for element in model.iterfind(f".//{{*}}{tag}"):

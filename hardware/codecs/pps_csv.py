@@ -38,6 +38,7 @@ _CLOCK = re.compile(
     r"(?:\d\d?[./-](?:\d\d?|[A-Z][a-z]{2})[./-]\d{4},? |\d+ days? )?"
     r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+|:\d{3})?)(?: ?([AaPp])[Mm]|Z)?"
 )
+_BELOW_S = re.compile(r":\d\d:\d\d[.,:](\d{1,3})\b")  # digits behind the second of a time of day
 _DAY = 86_400.0  # s
 # Units of time as people write them, once blanks, points and case are gone: `mSec`, `Milli Sec.`, `µs`.
 _SECOND = "(?:s|secs?|seconds?|secondes?|secondi|segundos?|seconden|sek|sekunden?)"
@@ -55,15 +56,13 @@ _LATEST = 4e9  # s since 1970, in 2096
 _SINCE_1970 = 1e6  # s: more than any recording is long; from there on a clock tells the date
 # Below which median step a time is in that unit.
 _BY_STEP = ((1e-5, "days", _DAY), (1, "s", 1.0), (1e3, "ms", 1e-3), (1e6, "us", 1e-6))
-# After which clocks begin anew: at the end of their bits, perhaps in us or ms, of a minute, a second or half a day.
+# After which clocks begin anew: at the end of their bits, perhaps in us or ms, of a minute, a second, half a day or an
+# hour, by which clocks on the wall are put back in autumn.
 _ROUNDS = (
     *(2.0**bits for bits in (8, 10, 12, 15, 16, 32)),
     2.0**32 / 1e3,
     2.0**32 / 1e6,
-    60.0,
-    1e3,
-    1e6,
-    43_200.0,
+    *(60.0, 1e3, 1e6, 3600.0, 43_200.0),
 )
 _BY_CHANCE = 7.0  # log of the odds that a clock which began anew looks as if it had gone round
 _STEPS = 50  # by which the unit of a time is told whose title does not say it
@@ -139,6 +138,13 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
     thousands = text_tables.thousands_mark(of_taxels, unit=unit) or ""
     of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
     of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
+    parts = [found[1] for cell in of_times if (found := _BELOW_S.search(cell))]
+    if len({*map(len, parts)}) > 1 and any(
+        part[1:].endswith("0") for part in parts
+    ):  # of .4 no 0 is left out
+        raise CodecError(
+            f"times end in {parts[0]} and {max(parts, key=len)}: write 40 ms as .040, with all digits"
+        )
     decimals = ([] if of_hours else of_times) + [cell.replace(thousands, "") for cell in of_taxels]
     commas = text_tables.has_decimal_commas(decimals, separator)
     titles[line] = _with_units(titles[line], cells_of_lines[0] if cells_of_lines else [], time)
@@ -244,13 +250,13 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
 def _past_rounds(clock: FloatArray) -> tuple[FloatArray, int]:
     """Let a clock (n,) that goes round begin no more at 0 again, and count that; of few lines a round several times."""
     steps = np.diff(clock)
-    down, usual = steps < 0, float(np.median(np.abs(steps))) if len(steps) else 0.0
+    down = steps < 0
     for most in _ROUNDS if down.any() else ():
-        over = steps[down] + most
+        over, usual = steps[down] + most, float(np.median(steps % most))  # more lines may go round than not
         often = len(over) * math.log(most / usual) > _BY_CHANCE if 0 < usual < most else False
-        if (often and np.ptp(clock) < most and np.abs(over - usual).max() <= usual / 2) or (
-            200 * usual < most and over.min() >= 0 and over.max() <= 3 * usual
-        ):
+        if (
+            often and np.ptp(clock) < most and np.abs(over - usual).max() <= min(usual, most - usual) / 2
+        ) or (200 * usual < most and over.min() >= 0 and over.max() <= 3 * usual):
             return clock + most * np.concatenate([[0], np.cumsum(down)]), int(down.sum())
     return clock, 0
 
@@ -286,7 +292,8 @@ def _time_at(cells: Sequence[str]) -> int:
 def _of_day(text: str) -> float:
     """Read `12:00:01.5` or `1:00:01 PM` in s of the day, behind a date of ISO 8601 since 1970. Raises ValueError."""
     if (found := _CLOCK.fullmatch(text)) is None:
-        return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
+        moment = datetime.fromisoformat(text)
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     hours, minutes, seconds, half = found.groups()
     hour = int(hours) if half is None else int(hours) % 12 + 12 * (half in "Pp")
     return 3600 * hour + 60 * int(minutes) + float(re.sub("[,:]", ".", seconds))
@@ -307,9 +314,15 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
     bracketed = re.search(r"[\[(]([^\])]*)[\])]", title)
     inside = bracketed[1] if bracketed else ""
     behind = _TIME_WORD.sub("", title.replace(f"{bracketed[0]}" if bracketed else "\0", ""))
-    if re.match(r"\W*\d", inside):
+    if re.search(r"\d", inside):
         raise CodecError(f"the title's unit of time is {inside.strip()!r}; write the times in s, ms or us")
     since = text_tables.unit_since_1970(times)
+    if times and 1.2e17 < min(times) < 7e17:
+        raise CodecError(
+            f"times such as {times[0]:.0f} count 100 ns, as Windows does; write them in s, ms or us"
+        )
+    steps = np.abs(np.diff(times))
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     for text in (inside, behind, *re.split(r"[\W_]+", behind)):
         unit = re.sub(r"[^\w\ufffd]|[\d_]", "", text).lower()  # a mark for what the encoding lost stays
         found = next((seconds for form, seconds in _UNITS.items() if re.fullmatch(form, unit)), None)
@@ -318,7 +331,8 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
                 raise CodecError(
                     f"the title {title!r} and {max(times):g}, which is a time since 1970 in other units, differ"
                 )
-            return found, None
+            seldom = f"a line every {step * found:g} s, as {title!r} says: is it another unit?"
+            return found, None if 1e-4 <= step * found <= 10 else seldom
     if re.fullmatch(r"\s*\w+\s*", inside):
         raise CodecError(
             f"the title's unit of time is {inside.strip()!r}; known are s, ms, us, ns, min, h, days"
@@ -326,8 +340,6 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
     if since is not None:
         names = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
         return since, f"the time is read as {names[since]} since 1970, by its size"
-    steps = np.abs(np.diff(times))
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     unit, seconds = next(((unit, seconds) for most, unit, seconds in _BY_STEP if step < most), ("ns", 1e-9))
     remark = f"the time is read as {unit}, by its steps of {step:g}: a title like 'time [s]' says it outright"
     return seconds, remark

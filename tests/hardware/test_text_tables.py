@@ -78,6 +78,8 @@ def test_a_clock_that_begins_anew_is_no_disorder():
         (2**8, 40, 31),
         (2**12, 40, 2),
         (1000, 40, 7),
+        (2**16, 40_000, 121),  # more lines go round than not
+        (3600, 0.04, 1),  # a clock on the wall that is put back
     ],
 )
 def test_a_clock_that_goes_round_at_the_end_of_its_bits_goes_on(most, step, times):
@@ -224,10 +226,12 @@ def test_a_line_of_units_below_the_title_says_them(unit, seconds):
     [
         *[("28.11.2026 12:00:{}", "."), ("11/28/2026 12:00:{} PM", "."), ("12:00:{}", ":")],
         *[("28-Nov-2026 12:00:{}", "."), ("0 days 12:00:{}", ".")],  # as MATLAB and pandas write them
+        ("2026-11-28T12:00:{}+01:00", "."),
     ],
 )
 def test_a_time_of_day_behind_any_date_is_read(form, mark):
-    texts = (form.format(f"{time:06.3f}".replace(".", mark)) for time in STEPS)
+    texts = [form.format(f"{time:06.3f}".replace(".", mark)) for time in STEPS]
+    texts[-1] = texts[-1].replace("T12", "T13").replace("+01", "+02")  # from here on in summer time
     lines = [f"{text};{at};7" for at, text in enumerate(texts)]
     assert [frame.ticks for frame in frames_of(["time;a;b", *lines])] == pytest.approx(STEPS)
 
@@ -250,6 +254,15 @@ def test_a_printed_minus_is_one_and_a_line_that_ends_before_the_time_is_none():
     ("lines", "says"),
     [
         (["time_s,a,b", *(f"{1.75e12 + 40 * at:.0f},1,2" for at in range(9))], "since 1970 in other units"),
+        (["time [s*1000],a,b", *(f"{40 * at},1,2" for at in range(9))], "unit of time is 's*1000'"),
+        (
+            ["time,a,b", *(f"{134 * 10**15 + 400_000 * at},1,2" for at in range(9))],
+            "count 100 ns, as Windows",
+        ),
+        (
+            ["time,a,b", *(f"12:00:00.{40 * at},1,2" for at in range(9))],
+            "times end in 0 and 120: write 40 ms as .040",
+        ),
         (
             ["time (10 us),a,b", *(f"{4000 * at},1,2" for at in range(9))],
             "unit of time is '10 us'; write the times in",
@@ -263,6 +276,11 @@ def test_a_printed_minus_is_one_and_a_line_that_ends_before_the_time_is_none():
 def test_times_that_would_be_read_wrong_are_refused(lines, says):
     with pytest.raises(CodecError, match=re.escape(says)):
         read_table(iter(lines))
+
+
+def test_a_unit_that_makes_no_sense_is_asked_for():
+    _, _, remark = read_table(iter(["Time [ms],a,b", *(f"{at / 25},1,2" for at in range(100))]))
+    assert remark == "a line every 4e-05 s, as 'Time [ms]' says: is it another unit?"
 
 
 def test_a_clock_coarser_than_the_lines_is_said():

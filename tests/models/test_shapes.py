@@ -79,6 +79,9 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
             archive.writestr(f"3D/{number}.model", wrapped % (namespaces, part, b""))
     assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
     with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("3D/9.model", (wrapped % (namespaces, parts[1], b"")).replace(b"millimeter", b"inch"))
+    assert "its parts are in inch and millimeter" in refusal(path)
+    with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("Metadata/model_settings.config", '<part id="1" subtype="modifier_part"/>')
     assert "a modifier_part beside the solid" in refusal(path)
     item = b'<item objectid="1"/>'
