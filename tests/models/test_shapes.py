@@ -79,7 +79,8 @@ def test_objects_in_files_of_their_own_in_a_3mf(tmp_path):
             archive.writestr(f"3D/{number}.model", wrapped % (namespaces, part, b""))
     assert models.shape(path).area == pytest.approx(200 + 36 + 36, rel=1e-4)
     with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr("3D/9.model", (wrapped % (namespaces, parts[1], b"")).replace(b"millimeter", b"inch"))
+        inches = wrapped.replace(b"millimeter", b"inch") % (namespaces, parts[1], b"")
+        archive.writestr("3D/9.model", inches)
     assert "its parts are in inch and millimeter" in refusal(path)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("Metadata/model_settings.config", '<part id="1" subtype="modifier_part"/>')
