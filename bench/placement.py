@@ -12,14 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field
 
-from tactsim.bench.config import RECORDING
 from tactsim.core import InputError, Scan, compose, transform, wrap_angle
 from tactsim.core.checking import checked
 from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
@@ -211,23 +209,6 @@ def stated_properties(scan: Scan) -> dict[str, Properties]:
         for label in scan.letters
         if label in known
     }
-
-
-def load_scan(path: str | Path, seed: int = 0) -> Scan:
-    """Load a scan for trials: one whose objects can be scored, from a file, or `recording:NAME` of a public recording.
-
-    seed: of the run. Raises InputError that names the file.
-    """
-    if str(path).startswith(RECORDING):
-        from tactsim.bench.formats.public_recordings import prepared_scan  # few runs need it
-
-        return prepared_scan(str(path).removeprefix(RECORDING), seed)
-    scan = Scan.load(path)
-    try:
-        stated_properties(scan)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return scan
 
 
 def _felt(train: Scan, all_readings: Scan) -> Properties:

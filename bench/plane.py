@@ -14,7 +14,7 @@ import numpy as np
 from tactsim.bench.config import RunConfig, chosen_letters, run_config
 from tactsim.bench.config import scan_options as stated_scan
 from tactsim.bench.kinds import PLANE, Gathered, Kind, Pages
-from tactsim.bench.placement import Properties, load_scan, poses_unknown, properties, stated_properties
+from tactsim.bench.placement import Properties, poses_unknown, properties, stated_properties
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.paper import beside
 from tactsim.bench.runs.scan_quality import eq3_agreement, notes_on
@@ -127,7 +127,9 @@ class Plane(Kind):
         """
         start = perf_counter()
         work: dict[str, Any] = {"presses": 0, "skipped": {}}
-        train = None if config.train_scan is None else train_scan(config)  # before the presses
+        if config.train_scan is not None or config.scan is not None:
+            from tactsim.bench.formats import load_scan
+        train = None if config.train_scan is None else load_scan(config.train_scan)  # before the presses
         if scan is not None:
             stated_properties(scan)
         elif config.scan is not None:
@@ -354,13 +356,6 @@ def _held_out(config: RunConfig, letters: Sequence[str]) -> tuple[str, ...]:
     if set(letters) <= set(held_out) or (config.each_held_out and len(letters) == 1):
         raise InputError("--hold-out (in Python hold_out) names every letter; leave one to train on")
     return held_out
-
-
-def train_scan(config: RunConfig) -> Scan:
-    """Load the training readings that a run takes from a file of their own. Raises InputError if it has none."""
-    if config.train_scan is None:
-        raise InputError("a run on a pad's presses takes its training readings from --train-scan")
-    return load_scan(config.train_scan)
 
 
 def _protocol_name(config: RunConfig, scan: Scan) -> str:

@@ -118,7 +118,7 @@ def command_live(
 
 def _training(path: Path | None, device: Device, shapes: Sequence[Path], progress: Progress) -> Scan:
     """Load the training readings, or press them."""
-    from tactsim.bench.placement import load_scan
+    from tactsim.bench.formats import load_scan
     from tactsim.press import ScanOptions, scan_letters
     from tactsim.press.simulated_source import on_pad_of
 

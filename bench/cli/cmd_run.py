@@ -10,15 +10,13 @@ import typer
 from tactsim.bench import kinds
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import Words, is_typed, refuse_typed, with_options_of
-from tactsim.bench.config import RunConfig, any_config, chosen_letters, run_config
+from tactsim.bench.config import RunConfig, any_config, run_config
 from tactsim.bench.console import kept_clear, plain_console
 from tactsim.bench.places import results_folder, save_beside, saved
-from tactsim.core.errors import InputError, counted, unknown
+from tactsim.core.errors import InputError, counted
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-    from tactsim.bench.pad.guided import Station
 
 # A person presses: fewer trials and readings than of a simulation.
 _BY_HAND: dict[str, Any] = {"trials": 2, "readings": 10}
@@ -91,7 +89,7 @@ def command_run(
         described, correction = pads.load(device, calibration)
         settings = pads.plan_settings(port, described, correction, frames, force, patience)
         station = Station(port, described, correction, seen == "behind", plain_console(stderr=as_json))
-        if not _measured(config, station, settings):
+        if not pads.measured(config, station, settings):
             return
     if config.shapes and isinstance(config, RunConfig):
         _print_shapes(config, plain_console(stderr=True))
@@ -127,38 +125,3 @@ def _print_shapes(config: RunConfig, console: Console) -> None:
         inside = covers(letter.contours, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
         for row in inside.reshape(len(y), len(x)):
             console.print("  " + "".join("#" if here else " " for here in row).rstrip(), markup=False)
-
-
-def _measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
-    """Measure what is missing; tells whether all is there now, and if not, how to go on."""
-    from tactsim.bench.pad.guided import Wanted, check_pads, count_measured, measure
-    from tactsim.bench.plane import train_scan
-    from tactsim.bench.trials import fit
-    from tactsim.estimators import create
-    from tactsim.models import shape
-    from tactsim.press import forward_model
-
-    # What would refuse the presses is reported before anybody makes them.
-    estimator = create(config.estimator, **config.options)
-    train = train_scan(config)
-    check_pads(train, station)
-    letters = chosen_letters(config, train.letters)
-    learned = [name for name in letters if name not in config.hold_out]
-    for name in learned:
-        if name not in train.where("train").letters:
-            raise unknown("letter of --train-scan", name, train.where("train").letters)
-    fit(estimator, train.of_letters(tuple(learned)), forward_model)
-    assert config.presses is not None  # `command` has seen to it
-    assert config.trials != "all"  # which is of a scan
-    own = {drawn.name: drawn for drawn in map(shape, config.shapes)}
-    for name in own.keys() - set(letters):
-        raise unknown("letter of --train-scan", name, letters)
-    wanted = Wanted(letters, config.trials, config.readings, config.seed, own)
-    if measure(station, wanted, config.presses, settings):
-        return True
-    count = len(wanted.letters) * wanted.trials * wanted.readings
-    station.console.print(
-        f"{count_measured(wanted, config.presses)} of {count} presses are measured; the same command with --presses "
-        f"{config.presses} goes on"
-    )
-    return False

@@ -41,8 +41,8 @@ def command_validate(
     import tomli_w
 
     from tactsim.bench.config import key_values
+    from tactsim.bench.formats import load_scan
     from tactsim.bench.pad import validation
-    from tactsim.bench.placement import load_scan
     from tactsim.bench.places import check_new_folder, save_beside, saved
     from tactsim.bench.terminal import progress_bars
     from tactsim.core.files import new_folder

@@ -12,9 +12,11 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
-from tactsim.core.errors import InputError
+from tactsim.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
+    from tactsim.bench.config import RunConfig
+    from tactsim.bench.pad.guided import Station
     from tactsim.core.source import Source
     from tactsim.hardware.calibration import Calibration
     from tactsim.hardware.device import Device
@@ -203,3 +205,41 @@ def _force(text: str) -> tuple[float, float]:
     if least is None or most is None:
         raise InputError(f"--force {text!r}: write it as LEAST:MOST in N, like 0.5:5")
     return least, most
+
+
+def measured(config: RunConfig, station: Station, settings: dict[str, Any]) -> bool:
+    """Measure what is missing; tells whether all is there now, and if not, how to go on."""
+    from tactsim.bench.config import chosen_letters
+    from tactsim.bench.formats import load_scan
+    from tactsim.bench.pad.guided import Wanted, check_pads, count_measured, measure
+    from tactsim.bench.trials import fit
+    from tactsim.estimators import create
+    from tactsim.models import shape
+    from tactsim.press import forward_model
+
+    # What would refuse the presses is reported before anybody makes them.
+    estimator = create(config.estimator, **config.options)
+    if config.train_scan is None:
+        raise InputError("a run on a pad's presses takes its training readings from --train-scan")
+    train = load_scan(config.train_scan)
+    check_pads(train, station)
+    letters = chosen_letters(config, train.letters)
+    learned = [name for name in letters if name not in config.hold_out]
+    for name in learned:
+        if name not in train.where("train").letters:
+            raise unknown("letter of --train-scan", name, train.where("train").letters)
+    fit(estimator, train.of_letters(tuple(learned)), forward_model)
+    assert config.presses is not None
+    assert config.trials != "all"  # which is of a scan
+    own = {drawn.name: drawn for drawn in map(shape, config.shapes)}
+    for name in own.keys() - set(letters):
+        raise unknown("letter of --train-scan", name, letters)
+    wanted = Wanted(letters, config.trials, config.readings, config.seed, own)
+    if measure(station, wanted, config.presses, settings):
+        return True
+    count = len(wanted.letters) * wanted.trials * wanted.readings
+    station.console.print(
+        f"{count_measured(wanted, config.presses)} of {count} presses are measured; the same command with --presses "
+        f"{config.presses} goes on"
+    )
+    return False

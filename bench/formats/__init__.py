@@ -16,6 +16,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tactsim.bench.config import RECORDING
+from tactsim.bench.placement import stated_properties
 from tactsim.core import InputError, Scan
 from tactsim.core.errors import unknown
 from tactsim.core.files import new_folder, replacing
@@ -125,3 +127,20 @@ def is_of_a_run() -> InputError:
     return InputError(
         "it holds the trials of a run, which keeps its estimates, not its readings; give an export of a scan"
     )
+
+
+def load_scan(path: str | Path, seed: int = 0) -> Scan:
+    """Load a scan for trials: one whose objects can be scored, from a file, or `recording:NAME` of a public recording.
+
+    seed: of the run. Raises InputError that names the file.
+    """
+    if str(path).startswith(RECORDING):
+        from tactsim.bench.formats.public_recordings import prepared_scan  # few runs need it
+
+        return prepared_scan(str(path).removeprefix(RECORDING), seed)
+    scan = Scan.load(path)
+    try:
+        stated_properties(scan)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return scan
