@@ -59,7 +59,8 @@ _MAY_BE_A_POSE = re.compile(
     re.IGNORECASE,
 )
 _STATISTICS = {
-    *("mean", "average", "avg", "median", "std", "stdev", "sd", "min", "max", "sum", "total", "count")
+    *("mean", "average", "avg", "median", "std", "stdev", "sd", "min", "max", "sum", "total", "count"),
+    *("mittel", "mittelwert", "summe", "gesamt", "moyenne", "somme", "media", "suma", "somma", "gemiddelde"),
 }
 _POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}
 

@@ -37,7 +37,7 @@ _NO_READING = {
 }
 _NO_READING |= {sign * (10.0**digits - 1) for sign in (-1, 1) for digits in range(3, 10)}
 _OVER = 16  # times as wide as beyond the end of 16 bits is the gap between counts that left them, and others
-_SELDOM = 0.05  # the most of its cells that fail where a taxel does not
+SELDOM = 0.05  # the most of its cells that fail where a taxel does not
 _MARKS = 4  # kinds of numbers for what was not measured that a pad may show within its range
 _MANY = 3  # cells that read one and the same number
 _FILLED = 20.0  # so many readings are missing beside those that would saturate
@@ -100,7 +100,7 @@ def failed_cells(readings: ArrayLike) -> NDArray[np.bool_]:
     number (NaN) have no say.
     """
     marks = _apart(np.asarray(readings, dtype=float))
-    return np.asarray(marks & (marks.mean(axis=0) <= _SELDOM)) if marks.any() else marks
+    return np.asarray(marks & (marks.mean(axis=0) <= SELDOM)) if marks.any() else marks
 
 
 def flickering(readings: ArrayLike) -> NDArray[np.bool_]:
@@ -110,7 +110,7 @@ def flickering(readings: ArrayLike) -> NDArray[np.bool_]:
     """
     values = np.asarray(readings, dtype=float)
     marks = _apart(values)
-    often = marks.mean(axis=0) > _SELDOM if marks.any() else np.zeros(marks.shape[1:], dtype=bool)
+    often = marks.mean(axis=0) > SELDOM if marks.any() else np.zeros(marks.shape[1:], dtype=bool)
     if often.any() and often.mean() > _MOST:
         raise InputError(
             f"{marks.mean():.0%} of the cells read {short(float(values[marks][0]))}, far from all others, as failed "
@@ -188,7 +188,7 @@ def _within_range(values: FloatArray) -> NDArray[np.bool_]:
 
 def _are_few(cells: NDArray[np.bool_]) -> bool:
     """Tell whether cells (n, taxels) are seldom in most taxels."""
-    return bool((cells.mean(axis=0) > _SELDOM).mean() <= _MOST)
+    return bool((cells.mean(axis=0) > SELDOM).mean() <= _MOST)
 
 
 def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
@@ -226,7 +226,7 @@ def unwrapped(readings: ArrayLike) -> tuple[FloatArray, int]:
         & (values >= high).any(axis=0)
     )
     alone = (widest + 1 if signed else len(numbers) - widest - 1) == 1
-    if alone and (over > _OVER or (away.mean(axis=0) > _SELDOM).mean() <= 0.5):
+    if alone and (over > _OVER or (away.mean(axis=0) > SELDOM).mean() <= 0.5):
         return values, 0
     values[away] += 2**bits if signed else -(2**bits)
     return values, int(away.sum())

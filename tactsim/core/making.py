@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import re
+import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import version
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from tactsim.core.documents import parse_json
 from tactsim.core.errors import InputError, short
 from tactsim.core.finite import finite
+from tactsim.core.idle import SELDOM
 from tactsim.core.npz import MissingArrayError, read_npz
 from tactsim.core.pad import Pad, offsets, pitch
 from tactsim.core.poses import FloatArray, compose, invert
@@ -248,10 +250,11 @@ def scan_of(
     made = {"source": "imported", "versions": {"tactsim": version("tactsim")}}
     meta: dict[str, Any] = {**made, "pad": pad.model_dump(mode="json"), **stated}
     lost = np.isnan(values)
-    dead = lost.any(axis=0)
-    if dead.all() and len(values):
+    dead = lost.sum(axis=0) > SELDOM * len(lost)
+    whole = ~lost[:, ~dead].any(axis=1)
+    if len(values) and (dead.all() or not whole.any()):
         raise InputError(
-            f"every taxel reads no number (NaN) in some press; in readings[{lost.sum(axis=1).argmax()}] "
+            f"every taxel or press has a cell without a number (NaN); in readings[{lost.sum(axis=1).argmax()}] "
             f"{lost.sum(axis=1).max()} do: leave out the presses that failed"
         )
     for taxel in np.flatnonzero(dead).tolist():
@@ -259,7 +262,11 @@ def scan_of(
         meta.setdefault("left_out", {})[str(taxel)] = why
         logging.getLogger(__name__).warning("taxel %d is left out: %s", taxel, why)
     names, halves = names_of(labels, "labels"), splits_of(split, len(values))
-    scan = kind(values[:, ~dead], poses, names, halves, pad.taxel_xy[~dead], meta, **each)
+    scan = kind(np.where(lost, 0, values)[:, ~dead], poses, names, halves, pad.taxel_xy[~dead], meta, **each)
+    if not whole.all():
+        said = "%d of %d readings have a cell without a number (NaN), and are left out"
+        logging.getLogger(__name__).warning(said, (~whole).sum(), len(whole))
+        scan = scan.chosen(whole)
     check_pose_units(scan.poses, scan.taxel_xy)
     return scan
 
@@ -487,8 +494,10 @@ def names_of(values: Any, what: str) -> NDArray[np.str_]:
     array = array.reshape(-1) if array.size == max(array.shape, default=1) else array  # a row or a column
     if array.ndim != 1 or array.dtype.kind not in "Ufiu":
         raise InputError(f"{what} are {array.dtype} of shape {array.shape}, no row of names or whole numbers")
-    if array.dtype.kind == "U":
-        return np.char.strip(array)
+    if array.dtype.kind == "U":  # of two spellings that look the same
+        return np.array(
+            [unicodedata.normalize("NFC", name.strip()) for name in array.tolist()], dtype=np.str_
+        )
     whole = np.isfinite(array) & (array == np.round(array)) & (np.abs(array) < 2**53)
     if not whole.all():
         raise InputError(

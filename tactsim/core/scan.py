@@ -163,9 +163,9 @@ class Scan:
         (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
         pad: None for the paper's. unit: of the readings; other pressures, such as mmHg, become kPa. licence: an SPDX
         name. loads: (n,) N, NaN where not known. presses: (n,) whole numbers, the same for readings of one press.
-        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN in a press,
-        or is masked, is left out, which is logged and stated in `meta["left_out"]`. Columns of a table go by their
-        names: t0, t1, ...; x_mm, y_mm, theta_rad.
+        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN, or is
+        masked, in more than a twentieth of the presses is left out, as `meta["left_out"]` says, else the presses in
+        which one does; it is logged. Columns of a table go by their names: t0, t1, ...; x_mm, y_mm, theta_rad.
 
         Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
         """

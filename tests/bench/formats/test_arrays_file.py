@@ -92,6 +92,20 @@ def test_a_taxel_without_a_number_in_a_press_is_left_out_and_said(tmp_path, capl
         read_arrays(save(tmp_path / "a.npz", readings=images), NAMES, PAD, "N")
 
 
+def test_a_press_in_which_a_taxel_has_no_number_for_once_is_left_out_as_with_a_failed_cell(caplog):
+    """Of names, two that look the same are one."""
+    values = np.random.default_rng(0).random((40, 6))
+    values[[3, 17], [1, 5]] = np.nan
+    names = ["n\u00fct", "nu\u0308t"] * 20
+    scan = Scan.from_arrays(
+        values, np.tile(POSES, (10, 1)), names, None, PAD, unit="N", loads=np.arange(40.0)
+    )
+    assert np.array_equal(scan.readings, np.delete(values, [3, 17], axis=0))
+    assert np.array_equal(scan.loads, np.delete(np.arange(40.0), [3, 17]))
+    assert {*scan.labels.tolist()} == {"n\u00fct"}
+    assert caplog.messages == ["2 of 40 readings have a cell without a number (NaN), and are left out"]
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".mat"])
 def test_arrays_are_a_scan(suffix, tmp_path):
     scan = read_arrays(save(tmp_path / f"a{suffix}"), NAMES, PAD, "N")
