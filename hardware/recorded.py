@@ -25,7 +25,7 @@ from tactsim.hardware.calibration import Calibration, Correction
 from tactsim.hardware.codecs.codec import Frame
 from tactsim.hardware.codecs.lines import LinesFormat, is_text, numbers_in, split_line
 from tactsim.hardware.codecs.pps_csv import CsvFormat, read_table
-from tactsim.hardware.device import Device
+from tactsim.hardware.device import Device, load_device
 from tactsim.hardware.recording import MAGIC, SUFFIX, Kind, Record, RecordReader, Whole
 from tactsim.hardware.stream import DeviceClock, Stream
 from tactsim.hardware.text_tables import check_taxel_names, frames_of_text
@@ -330,14 +330,22 @@ def open_text(path: str | Path) -> TextIOWrapper:
 
 
 def open_source(places: Sequence[str], device: Device, log: Log | None) -> Source:
-    """Open a recording; one of this program brings its own device along."""
+    """Open a recording; one of this program brings its own device along, and refuses one that reads otherwise."""
     if len(places) != 1:
         raise SourceError(f"a recording is one file; {len(places)} were given")
     head = b""
     with suppress(InputError), open_regular(places[0]) as file:
         head = file.read(_HEAD)
     if head.startswith(MAGIC) or places[0].endswith(SUFFIX):
-        return Replay(places[0])
+        replay = Replay(places[0])
+        said, given = replay.device.as_json(), device.as_json()
+        apart = [name for name in ("codec", "matrix", "part", "pad") if said.get(name) != given.get(name)]
+        if apart and device != load_device("emulated"):  # which is what nobody named
+            raise SourceError(
+                f"{places[0]} is read by the device file that it was recorded with; {device.name!r} says another "
+                f"[{'], ['.join(apart)}]: leave it out, or record anew"
+            )
+        return replay
     if b"ASCII_DATA @@" in head:
         raise SourceError(
             f"{places[0]} is a movie of Tekscan's I-Scan (ASF), whose frames state no times; write a table of it, "
