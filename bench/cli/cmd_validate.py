@@ -101,7 +101,8 @@ def show(result: Validation, out: Path | None, recorded: Path) -> None:
         console.print(f"picture {out / 'presses.png'}", soft_wrap=True)
         console.print(f"all figures in {out / 'validation.json'}. Press as fitted, and train on that:")
         console.print(f"  bench scan --world {out / 'world.toml'} --out fitted.npz", soft_wrap=True)
-        run = f"bench run --estimator {name} --scan {recorded} --train-scan fitted.npz"
+        readings = len(next(iter(result.recognition[name].values()))["accuracy"])
+        run = f"bench run --estimator {name} --scan {recorded} --train-scan fitted.npz --readings {readings}"
         console.print(f"  {run}", soft_wrap=True)
 
 

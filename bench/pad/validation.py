@@ -579,7 +579,9 @@ def check_presses(recorded: Scan, predicted: FloatArray) -> None:
     lost = judged & ~idle & ((felt * predicted).sum(axis=1) < _FITS * size)
     nothing = "are idle frames, which feel next to nothing where the simulation touches: {}; leave them out"
     refuse_presses(recorded, idle, "presses", nothing)
-    nowhere = "fit nowhere on what is pressed at their poses: {}; are poses, labels, first_row, first_column right?"
+    nowhere = (
+        "fit nowhere on what is pressed at their poses: {}; are poses, labels, first_row, first_column right?"
+    )
     refuse_presses(recorded, lost, "presses", nowhere)
     check_labels_apart(recorded, judged)
 

@@ -93,7 +93,9 @@ def test_a_letter_is_recorded_from_tare_to_scan(bench, here, tmp_path):
         (tmp_path / "cal.toml").read_text().replace("frames = 100", "frames = 99")
     )
     refused(here("replay", "A.tactrec", "--calibration", "other.toml"), "give none")
-    refused(here("replay", "A.tactrec", "--device", "arduino-csv"), "another [codec], [part], [pad]: leave it out")
+    refused(
+        here("replay", "A.tactrec", "--device", "arduino-csv"), "another [codec], [part], [pad]: leave it out"
+    )
     (tmp_path / "wired.toml").write_text(
         re.sub('read_by = "..', 'read_by = "xx', (tmp_path / "cal.toml").read_text())
     )
