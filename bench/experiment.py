@@ -70,10 +70,8 @@ def perform(
         progress("map", 0, 1)
         fit(fitted, gathered.scan, plan.forward)
         progress("map", 1, 1)
-        about, trying = (
-            about_estimator(fitted),
-            perf_counter(),
-        )  # its bins are as wide as the readings ask for
+        # Its bins are as wide as the readings ask for
+        about, trying = about_estimator(fitted), perf_counter()
         if sent is None:
             done = (*run_trials(plan, fitted, tasks, progress=progress), about)
         else:

@@ -34,13 +34,8 @@ from tactsim.estimators.registry import load
 if TYPE_CHECKING:
     from tactsim.core.forward import ForwardModel
 
-_ANSWERED = (
-    "p_truth",
-    "p_label",
-    "credibility",
-    "radius_90",
-    "nees",
-)  # columns of an answer that are numbers
+# Columns of an answer that are numbers
+_ANSWERED = "p_truth", "p_label", "credibility", "radius_90", "nees"
 _FAR = 100.0  # times the usual offset: beyond what an estimator takes for near
 
 

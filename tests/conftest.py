@@ -8,6 +8,7 @@ import sys
 import pytest
 from command_line import Bench
 from hypothesis import settings
+from level_world import at_few_angles
 from processor_time import ProcessorTime
 
 from tactsim.bench.cli.app import run_app
@@ -81,6 +82,20 @@ def own_cache(tmp_path_factory, monkeypatch):
     folder = tmp_path_factory.mktemp("own-cache")
     monkeypatch.setenv("TACTSIM_CACHE_DIR", str(folder))
     return folder
+
+
+@pytest.fixture(autouse=True)
+def _own_cache_where_presses_are_counted(request):
+    """Keep tests of these rooms from each other's cache too."""
+    if request.path.parent.name in ("press", "solids", "attach"):
+        request.getfixturevalue("own_cache")
+
+
+@pytest.fixture
+def few_angles():
+    """Press at fewer angles than a scan has."""
+    with at_few_angles():
+        yield
 
 
 @pytest.fixture

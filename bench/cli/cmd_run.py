@@ -63,9 +63,8 @@ def command_run(
         refuse_typed(context, names, "is for a pad; say where that is with --port, or leave it out")
     elif other := next((name for name in ("task", "scan") if name in words), None):
         raise InputError(f"--port: a {other} has readings of its own; leave out --port or --{other}")
-    words = {
-        name: value for name, value in words.items() if is_typed(context, name)
-    }  # a task says the others
+    # A task says the others
+    words = {name: value for name, value in words.items() if is_typed(context, name)}
     others = {"objects": objects, "touches": touches, "hand": hand}
     known = kinds.of_task(words.get("task")).config.model_fields
     refuse_typed(context, [name for name in others if name not in known], shared.OUTSIDE)

@@ -134,9 +134,8 @@ def rounded(trials: Trials) -> Trials:
     return replace(
         trials,
         **few | {"evaluations": few["evaluations"].astype(np.int64)},
-        pose=_steps(
-            true_pose + _steps(trials.pose - trials.true_pose)
-        ),  # the error is rounded once, not twice
+        # The error is rounded once, not twice
+        pose=_steps(true_pose + _steps(trials.pose - trials.true_pose)),
         true_pose=true_pose,
         credibility=np.minimum((percent + 0.5) / 100, 1).astype("<f4").astype(float),
         touch_index=np.full(trials.touch_index.shape, -1),

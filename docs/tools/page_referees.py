@@ -52,9 +52,8 @@ from tactsim.core import InputError
 _AREA = 1.9**2 * 1e-3  # N a kPa, of a taxel
 _GRID = 228  # squares along the pad's side, 0.05 mm each
 _POISSON = 0.45
-_MODULUS = (
-    STIFFNESS * (1 + _POISSON) * (1 - 2 * _POISSON) / (1 - _POISSON)
-)  # N/mm^2, Young's, of the layer of 1 mm
+# N/mm^2, Young's, of the layer of 1 mm
+_MODULUS = STIFFNESS * (1 + _POISSON) * (1 - 2 * _POISSON) / (1 - _POISSON)
 _CONTACT_MODULUS = _MODULUS / (1 - _POISSON**2)
 _FAR = 100.0  # mm: what is nowhere lies so high
 _CUT = 1.0  # mm, the longest edge of Drake's meshes
@@ -131,18 +130,16 @@ def attached(body: Body) -> Image:
 
 def touch_grid(body: Body) -> Image:
     """Read the plugin that sorts contact points by angle; its rows run along -y."""
-    angle = float(
-        np.degrees(np.arctan(HALF / 1e3 / _EYE))
-    )  # its keys are degrees, from the middle to the side
+    # Its keys are degrees, from the middle to the side
+    angle = float(np.degrees(np.arctan(HALF / 1e3 / _EYE)))
     angle *= 1.001  # contacts on the rim belong to the last row
     sensor = f"""<plugin name="felt" plugin="mujoco.sensor.touch_grid" objtype="site" objname="eye">
         <config key="size" value="6 6"/><config key="fov" value="{angle} {angle}"/>
         <config key="gamma" value="0"/><config key="nchannel" value="1"/></plugin>"""
     model = scene(body, sensor, parts=f'<site name="eye" pos="0 0 {-_EYE}" quat="0 1 0 0"/>')
     data = rest(model)
-    felt = (
-        np.abs(data.sensor("felt").data.reshape(6, 6))[::-1].ravel() / _AREA
-    )  # a sign says which geom is first
+    # A sign says which geom is first
+    felt = np.abs(data.sensor("felt").data.reshape(6, 6))[::-1].ravel() / _AREA
     return Image(felt, of_steps(model, data, scene(body)))
 
 

@@ -46,9 +46,8 @@ def reading_of(message: Any, pad: Pad, now: float, index: int) -> Reading:
         lines.reshape(message.height, message.step)[:, : kind.itemsize * message.width]
     )
     stamp = message.header.stamp
-    return Reading(
-        rows.view(kind)[::-1].astype(float).ravel(), now, stamp.sec + 1e-9 * stamp.nanosec, index
-    )  # the image begins at the top, the pad at the bottom
+    # The image begins at the top, the pad at the bottom
+    return Reading(rows.view(kind)[::-1].astype(float).ravel(), now, stamp.sec + 1e-9 * stamp.nanosec, index)
 
 
 class Ros2Source(Source):

@@ -451,9 +451,8 @@ def in_order(frame: Any, names: Mapping[str, int] | None = None) -> Any:
     names: the places of the columns that must be there; None: taxels, by the numbers in their names. Raises InputError
     for other names.
     """
-    columns = list(
-        getattr(frame, "column_names", getattr(frame, "columns", ()))
-    )  # PyArrow's have other names
+    # PyArrow's have other names
+    columns = list(getattr(frame, "column_names", getattr(frame, "columns", ())))
     if not columns or not (names is None or all(isinstance(name, str) for name in columns)):
         return frame
     levels = getattr(getattr(frame, "columns", None), "names", None) or [None]

@@ -101,9 +101,8 @@ class _Problem:
             foot=bed.centroid,
             below=depth[bed.press] - touch,
             bending=self._bending(bed, np.arange(len(tilt))),
-            unbent=np.zeros_like(
-                tilt
-            ),  # with their feet at the centroids springs have the moments of a level face
+            # With their feet at the centroids springs have the moments of a level face
+            unbent=np.zeros_like(tilt),
             energy=np.full(len(tilt), np.inf),
             missing=np.full(len(tilt), np.inf),
         )

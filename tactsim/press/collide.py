@@ -41,9 +41,8 @@ from tactsim.press.touches import MOST_TILT, TIPPED, Pressed, Touches
 # of 15 degrees from the pad's axes, at which edges often meet it.
 _TURN = math.pi / 24
 _ORIGIN = (0.618, 0.382)  # of the pad's middle in the lattice's cell; off its symmetric points
-_SECOND_MOMENT = 5 / (
-    36 * math.sqrt(3)
-)  # of a regular hexagon about a line through its middle, per area squared
+# Of a regular hexagon about a line through its middle, per area squared
+_SECOND_MOMENT = 5 / (36 * math.sqrt(3))
 _KPA = 1e3  # kPa in a N/mm^2
 
 

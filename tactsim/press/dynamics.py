@@ -390,9 +390,8 @@ def hysteretic(images: FloatArray, share: float) -> FloatArray:
         return images
     result = images.copy()
     for taxel in np.flatnonzero((np.diff(images, axis=0) < 0).any(axis=0)):
-        turns = [
-            0.0
-        ]  # loads where the course turned and what has not been wiped out: low, high, low, ..., now
+        # Loads where the course turned and what has not been wiped out: low, high, low, ..., now
+        turns = [0.0]
         for index, load in enumerate(images[:, taxel].tolist()):
             _follow(turns, max(load, 0.0))
             result[index, taxel] = sum(

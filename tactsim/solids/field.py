@@ -238,10 +238,8 @@ _FEWER_TRIES, _TRIES = 150, 400  # of widths, for a stiffness that is tried, and
 _FEW, _MANY = 4, 16  # touches that are left out together
 _JUDGED, _SEQUENCES = 12, 3  # objects whose touches are weighed, and sequences of each
 _SHARE = 0.9  # of sequences, whose regions are to hold the true pose
-_DRAWN, _WIDER = (
-    300,
-    2.0,
-)  # poses that stand for a belief near the best one, and their variance beside the belief's
+# Poses that stand for a belief near the best one, and their variance beside the belief's
+_DRAWN, _WIDER = 300, 2.0
 GYRATION = 15.0  # mm, the lever at which an angle counts beside a shift
 _BEGUN, _STEPS = 40, 7  # poses near the true one from which better ones are climbed to, in so many steps
 _NEAR = 0.7, 0.06  # mm and rad: how far off they are along each axis

@@ -131,9 +131,8 @@ MILLIMETRES = st.floats(-6, 6).map(lambda x: round(x, 9))
                      'type="ellipsoid" size=".003 .004 .005"', 'type="mesh" mesh="cube"']),
     MILLIMETRES, MILLIMETRES, st.integers(0, 10**6),
 )  # fmt: skip
-@example(
-    'type="box" size=".003 .002 .004"', -4.3125, 0.0, 10**6
-)  # half a cell of the lattice on the pad's rim
+# Half a cell of the lattice on the pad's rim
+@example('type="box" size=".003 .002 .004"', -4.3125, 0.0, 10**6)
 @settings(max_examples=10, deadline=None)
 def test_taxels_and_what_lies_outside_add_up_to_mujocos_force(body, x, y, seed):
     """In any attitude, also half beside the pad. Taxels without gaps and without a point spread lose nothing."""

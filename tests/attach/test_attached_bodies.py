@@ -295,14 +295,10 @@ def test_any_body_presses_as_springs_by_brute_force(drawn):
 @pytest.mark.parametrize(
     ("box", "force"),
     [
-        (
-            'size=".004 .0015 .001" euler="45 65 25"',
-            1.0,
-        ),  # a slanting edge, found by turns too short and too long
-        (
-            'size=".0012 .0034 .0029" euler="75 -49 -92"',
-            0.3,
-        ),  # a deep corner between sides that lean by 10 degrees
+        # A slanting edge, found by turns too short and too long
+        ('size=".004 .0015 .001" euler="45 65 25"', 1.0),
+        # A deep corner between sides that lean by 10 degrees
+        ('size=".0012 .0034 .0029" euler="75 -49 -92"', 0.3),
     ],
 )
 def test_an_edge_and_a_deep_corner_press_as_springs_do(box, force):

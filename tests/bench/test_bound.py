@@ -84,9 +84,8 @@ def test_least_squares_reaches_the_bound_of_a_gaussian_toy():
     np.testing.assert_allclose(found, closed, rtol=1e-9)
 
     count = 100_000
-    readings = (
-        2 * rng.standard_normal((count, 6)) + rng.standard_normal((count, 2)) @ model.unknown[0].T
-    )  # of an object at 0, without the mean
+    # Of an object at 0, without the mean
+    readings = 2 * rng.standard_normal((count, 6)) + rng.standard_normal((count, 2)) @ model.unknown[0].T
     estimate = readings @ np.linalg.inv(covariance) @ model.by_pose[0] @ np.linalg.inv(closed)
     distance = np.sqrt(estimate**2 @ np.array([1, 1, BAR.inertia_over_mass]))
     assert distance.mean() == pytest.approx(float(cramer_rao.bound_mm(found, BAR)), rel=0.01)

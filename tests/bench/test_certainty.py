@@ -72,9 +72,8 @@ def test_the_truth_is_within_the_radius_if_and_only_if_its_credibility_is_below_
 @given(st.integers(0, 2**32 - 1), st.integers(0, 1), st.integers(0, 1))
 def test_a_half_turn_of_a_symmetric_letter_changes_no_region(seed, of_samples, of_truth):
     rng = np.random.default_rng(seed)
-    about = compose(
-        [*BAR.centre, math.pi], [-BAR.centre[0], -BAR.centre[1], 0]
-    )  # a half turn about the centre
+    # A half turn about the centre
+    about = compose([*BAR.centre, math.pi], [-BAR.centre[0], -BAR.centre[1], 0])
     placed, truth = rng.normal(size=(20, 3)), rng.normal(size=3)
     turned = np.array([compose(one, about) if of_samples and k % 2 else one for k, one in enumerate(placed)])
     plain = estimate_of(placed, np.ones(20), placed[0])

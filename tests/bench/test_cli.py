@@ -445,9 +445,8 @@ def test_nothing_is_compiled_to_list_estimators_or_before_the_words_are_checked(
 def test_set_up_leaves_nothing_of_a_run_and_its_report_to_compile(bench, tmp_path):
     kept = tmp_path / "bytecode"
     bench.environment |= {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPYCACHEPREFIX": str(kept)}
-    python = (
-        Path(sys.prefix).resolve() / "bin" / "python"
-    )  # that of `bench`: what is kept has its name by its folder
+    # That of `bench`: what is kept has its name by its folder
+    python = Path(sys.prefix).resolve() / "bin" / "python"
     words = [python, "-m", "tactsim.bench.compile_kernels"]
     without = bench.environment | {"PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run(words, env=without, cwd=tmp_path, check=True)

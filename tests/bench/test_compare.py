@@ -97,9 +97,8 @@ def test_few_equal_pairs_are_called_different_no_more_often_than_stated(count, d
     beyond = np.mean([low > 0 or high < 0 for low, high in found])
     assert beyond <= 0.025 + 3 * np.sqrt(0.025 * 0.975 / 4000)
     assert (beyond == 0) == (count < FEWEST_PAIRS)
-    few = paired(
-        "", np.zeros(count), 10 + rng.random(count), rng, -1
-    )  # all worse, and nobody knows below seven
+    # All worse, and nobody knows below seven
+    few = paired("", np.zeros(count), 10 + rng.random(count), rng, -1)
     assert few.verdict == ("too few" if count < FEWEST_PAIRS else "worse")
 
 

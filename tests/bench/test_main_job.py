@@ -16,15 +16,8 @@ from tactsim.models import letter
 
 LETTERS, TRIALS, READINGS = "AIO", 3, 5
 SYMMETRY = {"A": 1, "I": 2, "O": 0}  # the paper: I is two-fold, O turns freely
-SIGMA, PEAK, PRIOR, THRESHOLD, RATIO, CELL, GAMMA = (
-    1.0,
-    0.9,
-    0.2,
-    2.0,
-    0.3,
-    0.4,
-    0.1,
-)  # docs/reference/options.md
+# docs/reference/options.md
+SIGMA, PEAK, PRIOR, THRESHOLD, RATIO, CELL, GAMMA = 1.0, 0.9, 0.2, 2.0, 0.3, 0.4, 0.1
 REACH, SIDE, TURNS = 10.0, 25, 16  # Table I: 25 x 25 x 16 bins a letter
 
 # The paper interpolates log-odds and then takes the logarithm of eq. 7; the product interpolates the logarithms, which
@@ -33,10 +26,8 @@ REACH, SIDE, TURNS = 10.0, 25, 16  # Table I: 25 x 25 x 16 bins a letter
 ROUNDING = 0.007
 # Against the paper's interpolation the error between nodes 0.4 mm apart is left, which sums over 36 taxels. It moves
 # single probabilities much and the table little: some estimates go to a neighbouring bin, 0.8 mm away.
-TABLE_RIGHT, TABLE_ERROR_MM = (
-    0.07,
-    0.3,
-)  # share of all labels; a third of the 0.94 mm that the bins' size costs
+# Share of all labels; a third of the 0.94 mm that the bins' size costs
+TABLE_RIGHT, TABLE_ERROR_MM = 0.07, 0.3
 
 
 def classify(readings):

@@ -58,9 +58,8 @@ def test_a_draw_is_of_whole_runs_and_of_trials_in_them():
     for size, drawn in zip(sizes, of_runs, strict=True):
         assert set((drawn / size).tolist()) <= {0, 1, 2, 3}
     assert (sum(drawn / size for size, drawn in zip(sizes, of_runs, strict=True)) == 3).all()
-    assert counts.mean(axis=0) == pytest.approx(
-        np.ones(60), abs=0.1
-    )  # five standard errors, of var 1 and 2/3
+    # Five standard errors, of var 1 and 2/3
+    assert counts.mean(axis=0) == pytest.approx(np.ones(60), abs=0.1)
     assert np.array_equal(counts, resampled(sizes, np.random.default_rng(1), draws=5000))
 
 
@@ -75,11 +74,8 @@ def test_figures_are_those_of_all_trials():
     assert dataclasses.astuple(figure_of(one, "all_right_from")) == (None, 2, None)
     assert cell(one, "settled_95") == "later (2-later)"
     assert cell(one, "accuracy@2").startswith("0.750 (")
-    assert in_digits(Figure(0.051, 0.0482, 0.0549), 2) == [
-        "0.051",
-        "0.048",
-        "0.055",
-    ]  # 2 would end where it begins
+    # 2 would end where it begins
+    assert in_digits(Figure(0.051, 0.0482, 0.0549), 2) == ["0.051", "0.048", "0.055"]
     assert in_digits(Figure(1.0, 1.0, 1.0), 2) == ["1.00", "1.00", "1.00"]
     assert in_digits(Figure(0.0, 1e-9, 2e-9), 2) == ["0.00"] * 3
     assert in_digits(Figure(0.0, 1e-6, 2e-6), 2) == ["0.000000", "0.000001", "0.000002"]

@@ -174,9 +174,8 @@ def test_even_ranks_leave_the_band_in_one_case_of_twenty_and_uneven_ones_often()
         assert (p < 0.05) == (away > rank_band(count))
         outside += p < 0.05
     assert outside / drawn == pytest.approx(0.05, abs=4 * math.sqrt(0.05 * 0.95 / drawn))
-    narrow = replace(
-        template.trials, credibility=rng.random((count, 1)) ** 0.3
-    )  # the truth is far out too often
+    # The truth is far out too often
+    narrow = replace(template.trials, credibility=rng.random((count, 1)) ** 0.3)
     assert rank_p(Scored(narrow, template.objects), 0) < 0.01
 
 

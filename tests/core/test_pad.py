@@ -119,9 +119,8 @@ def solved(conductance, row, column):
     matrix = np.diag(between.sum(axis=1))[np.ix_(free, free)] - between[np.ix_(free, free)]
     volts[free] = np.linalg.solve(matrix, between[np.ix_(free, known)] @ volts[known])
     flows = between * (volts[:, None] - volts[None])
-    assert (
-        np.abs(flows.sum(axis=1)[free]).max(initial=0) < 1e-9 * flows.max()
-    )  # Kirchhoff's law at each free wire
+    # Kirchhoff's law at each free wire
+    assert np.abs(flows.sum(axis=1)[free]).max(initial=0) < 1e-9 * flows.max()
     return float(flows[:, rows + column].sum())
 
 

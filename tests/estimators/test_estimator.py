@@ -114,9 +114,8 @@ class MeanReading(BatchEstimator):
         count = np.arange(1, readings.shape[1] + 1)[:, None]
         felt = readings.cumsum(axis=1) / count
         off = ((felt[:, :, None] - self.means) ** 2).mean(axis=-1)
-        p = np.exp(off.min(axis=-1, keepdims=True) - off).astype(
-            np.float32
-        )  # as networks answer, not normalised
+        # As networks answer, not normalised
+        p = np.exp(off.min(axis=-1, keepdims=True) - off).astype(np.float32)
         return p, np.zeros((*p.shape[:2], 3))
 
 

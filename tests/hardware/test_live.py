@@ -208,9 +208,8 @@ def test_answers_that_come_too_late_are_called_that(pty):
             with suppress(BlockingIOError):
                 question = parse_request(os.read(pty[0], 256)[:15])
                 time.sleep(0.3)
-                data = (
-                    bytes(question.count - 1) + b"\x01"
-                )  # the last of the settings: the sensor has 1 element
+                # The last of the settings: the sensor has 1 element
+                data = bytes(question.count - 1) + b"\x01"
                 os.write(pty[0], write_reply(Reply(question.address, False, question.id, 0, data)))
 
     thread = threading.Thread(target=answer_late)

@@ -142,9 +142,8 @@ def test_sensors_that_are_asked_are_joined_by_the_bridges_clock(losses, seed):
     moments = np.array([reading.pressures for reading in readings]).reshape(-1, 4) / 20
     if not losses:
         assert len(readings) > 70
-    assert (
-        np.ptp(moments, axis=1).max(initial=0.0) <= 0.05 + 1 / 100 + 0.2 / 20
-    )  # a frame's period, and half a count of each
+    # A frame's period, and half a count of each
+    assert np.ptp(moments, axis=1).max(initial=0.0) <= 0.05 + 1 / 100 + 0.2 / 20
 
 
 CRC = {"is": "checksum", "kind": "crc16-modbus"}

@@ -184,9 +184,8 @@ def test_the_accumulator_is_set_only_where_it_differs_and_checked():
     stream = Stream(singletact(taxels=1, accumulator=3))
     assert settings_of(stream, 1, 0.0, accumulator=0) == []
     request = stream.request(0, 0.1)
-    assert request == bytes.fromhex(
-        "FFFFFFFF 04 64 01 02 05 01 03 FF FEFEFEFE"
-    )  # WinAppArduinoInterface: a write
+    # WinAppArduinoInterface: a write
+    assert request == bytes.fromhex("FFFFFFFF 04 64 01 02 05 01 03 FF FEFEFEFE")
     stream.sent(0, request, 0.1)
     assert stream.received(0, write_reply(Reply(4, False, 1, 0, b"")), 0.11) == []
     assert settings_of(stream, 1, 0.2, accumulator=3) == []

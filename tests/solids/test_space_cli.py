@@ -88,9 +88,8 @@ def test_python_does_what_the_command_line_does():
     run = tactsim.run(task="solids", **words)
     assert np.array_equal(run.trials.pose, perform(space_config(**words)).trials.pose)
     assert run.kind.name == "solids"
-    own = tactsim.run(
-        task="solids", **(words | {"estimator": tactsim.create("alike")})
-    )  # made with its options
+    # Made with its options
+    own = tactsim.run(task="solids", **(words | {"estimator": tactsim.create("alike")}))
     assert np.array_equal(own.trials.pose, run.trials.pose)
     with pytest.raises(InputError, match="the scan is of solids; save it, and give its file"):
         tactsim.run(scan=run.plan.scan)

@@ -20,9 +20,8 @@ from tactsim.solids.pose_search import PointReader
 from tactsim.solids.voxels import sparse
 
 SPACE = ("space-refined",)
-PASSED = np.array(
-    [[x, y, -z] for x in (-4.0, 4.0) for y in (-4.0, 4.0) for z in (5.0, 12.0)]
-)  # mm, the pad's way
+# mm, the pad's way
+PASSED = np.array([[x, y, -z] for x in (-4.0, 4.0) for y in (-4.0, 4.0) for z in (5.0, 12.0)])
 TAXELS = np.column_stack([toy.PAD.taxel_xy, np.zeros(36)])
 # The options that take time: how many poses are tried, and for how many contacts. Of four touches one has no search.
 QUICK = {
@@ -305,9 +304,8 @@ def test_a_belief_that_one_particle_would_hold_is_spread_over_those_that_power_l
     assert held.ess == pytest.approx(20, abs=1)
     assert held.log[0] == held.log.max()
     few = particles.spread(every[1:], 20)
-    assert few.normalised == pytest.approx(
-        Weights(particles.rest[1:]).normalised
-    )  # enough of them count as it is
+    # Enough of them count as it is
+    assert few.normalised == pytest.approx(Weights(particles.rest[1:]).normalised)
 
 
 PLACES = np.array([[3.0, -2.0, 1.0], [-25.0, 10.0, 4.0]])

@@ -175,9 +175,8 @@ def test_cells_are_halved_as_in_plain_code(scan, options, skip):
     for seed in range(2):
         filter.reset(np.random.default_rng(0))
         trial = draw_trial(scan, LETTERS[seed], 6, np.random.default_rng(seed))
-        other = draw_trial(
-            scan, LETTERS[seed + 1], 3, np.random.default_rng(seed)
-        )  # which contradicts the first
+        # It contradicts the first
+        other = draw_trial(scan, LETTERS[seed + 1], 3, np.random.default_rng(seed))
         for reading, pose in (*zip(*trial[:2], strict=True), *zip(*other[:2], strict=True)):
             filter.update(reading, pose)
             expected = plainly(filter, *filter._coarse.listed)
