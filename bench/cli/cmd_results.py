@@ -260,11 +260,15 @@ def command_runs(folder: Path = typer.Argument(Path("results"), help="Where to l
         raise InputError(f"{folder}: no run in it or below; `bench run` makes one")
     names = ("accuracy", "settled_95", "error_mm")  # after the last reading
     heads = (metric_of(name).column for name in names)
-    table = plain_table("begun", "run", "method", "data", "readings", *heads, words=4)
+    unlike = len({one.protocol for *_, one in found}) > 1
+    table = plain_table(
+        "begun", "run", "method", "data", *["protocol"] * unlike, "readings", *heads, words=4 + unlike
+    )
     for begun, path, one in sorted(found, key=lambda of: of[:2]):
         asked = (f"{name}@{one.readings}" if metric_of(name).of_readings else name for name in names)
         figures = [cell(one, figure).partition(" ")[0] for figure in asked]  # their intervals: bench table
-        table.add_row(begun[:16], str(path), one.label, one.task, str(one.readings), *figures)
+        words = [begun[:16], str(path), one.label, one.task, *[one.protocol] * unlike]
+        table.add_row(*words, str(one.readings), *figures)
     plain_console().print(table)
     for remark in remarks:
         typer.echo(f"remark  {printable(remark)}", err=True)

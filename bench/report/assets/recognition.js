@@ -279,7 +279,7 @@ function recognitionView(protocol) {
       h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,
-        h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out. The stronger the colour, the more probable; drawn is the square root of the probability, so that faint places are seen, too. Cross: true. Ring: estimate.")),
+        h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out. The stronger the colour, the more probable; drawn is the square root of the probability, so that faint places are seen, too. Cross: true. Ring: estimate, at any of the turns that look the same.")),
     ),
   ];
 }

@@ -167,8 +167,10 @@ function drawHistory() {
 
 const WRONG = new Set(["garbage_bytes", "bad_checksums", "missed", "torn", "impossible", "stale", "strays", "timeouts", "unpaired", "clock_restarts", "reconnects"]);
 function drawCounters(event) {
-  find("counters").replaceChildren(...Object.entries(event.counters).filter(([, count]) => count).map(([name, count]) =>
-    h("div", { class: WRONG.has(name) && count ? "wrong" : null }, h("dt", {}, data.counterWords[name]), h("dd", {}, count.toLocaleString("en-US")))));
+  const more = Object.entries(event.counters).filter(([name, count]) => count && name !== "readings"); // which stand above
+  find("counters").parentElement.hidden = !more.length;
+  find("counters").replaceChildren(...more.map(([name, count]) =>
+    h("div", { class: WRONG.has(name) ? "wrong" : null }, h("dt", {}, data.counterWords[name]), h("dd", {}, count.toLocaleString("en-US")))));
 }
 
 // A number with so many decimals; what rounds to nothing has no minus.
