@@ -54,7 +54,7 @@ _TYPE: dict[Any, Any] = {
     "font.size": 8.0, "text.parse_math": False, "axes.linewidth": 0.6, "xtick.major.width": 0.6,
     "ytick.major.width": 0.6, "grid.linewidth": 0.6, "axes.spines.top": False, "axes.spines.right": False,
 }  # fmt: skip
-_ON_A_PAGE = _TYPE | {"grid.color": GRID} | dict.fromkeys(
+_ON_A_PAGE = _TYPE | {"grid.color": GRID, "figure.facecolor": "none", "axes.facecolor": "none"} | dict.fromkeys(
     ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), SOFT
 )  # fmt: skip
 # Of the axes of `pareto_figure`, about what a digit of a note is wide, a line high, and half a mark in both.
