@@ -47,6 +47,10 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
+# Of an object that is watched: the prior probability that it lies still, and below which of by how much readings
+# disagree it is asked whether a motion explains them, after three of them at least. The larger the first, the narrower
+# are regions of what lies still, and the fewer hold what moves: chosen so that those at rest grow by .15 at most.
+_LIES_STILL, _STIRRED, _FEWEST = 0.7, 0.3, 3
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
@@ -108,12 +112,15 @@ class MapFilter(Estimator):
         self.fitted_options = options
         self.likelihood: Likelihood = likelihood.create(options)
         self.motion: Motion | None = None
+        self._watched = False
         if options.motion != "off":
             from tactsim.estimators.filters.motion import parse_motion
 
-            self.motion = parse_motion("auto" if options.motion == "seen" else options.motion)
+            self._watched = options.motion == "seen"
+            self.motion = parse_motion("auto" if self._watched else options.motion)
+            if self._watched and self.motion is not None:
+                self.motion = replace(self.motion, still=_LIES_STILL)
             self.draws = self.draws or self.motion is not None
-        self._watched = options.motion == "seen"
         self.moving = None if self._watched else self._moving_belief()
 
     def _moving_belief(self) -> MovingBelief | None:
@@ -259,7 +266,7 @@ class MapFilter(Estimator):
             self._touches.append((values, pose))
             if self.moving is not None and self.moving.probability < _AT_REST:
                 self.moving, self._next_look = None, 2 * len(self._touches)
-            elif len(self._touches) >= self._next_look and (self.moving is not None or self.stirred):
+            elif len(self._touches) >= self._next_look and (self.moving is not None or self._stirred()):
                 self._look()
         if self.open_set is not None:
             self.open_set.keep(values, pose)
@@ -296,10 +303,17 @@ class MapFilter(Estimator):
         if left > _MUCH_LEFT:
             self._next_look = math.inf
 
-    @property
-    def stirred(self) -> bool:
-        """Tell whether the readings disagree with an object at rest; a filter that cannot tell always says so."""
-        return True
+    def _stirred(self) -> bool:
+        """Tell whether the readings disagree with an object at rest; of a filter that cannot tell they always do."""
+        shares = self.shares_of_walks()
+        return shares is None or (len(self._touches) >= _FEWEST and shares[0] < _STIRRED)
+
+    def shares_of_walks(self) -> FloatArray | None:
+        """Weigh rest and the walks of `motion` by how much readings disagree; None of a filter that cannot tell.
+
+        Too few readings say nothing: then there is but the share of rest, 1.
+        """
+        return None
 
     def left_along(self, moving: MovingBelief) -> float:
         """Tell what share of what is unexplained at rest is so by a motion, too; 0 of a filter that cannot tell."""
@@ -309,6 +323,8 @@ class MapFilter(Estimator):
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
         known = self.own_estimate() if self.moving is None else self.moving.estimate()
+        if self._watched and self.moving is None and len(self._touches) >= self._next_look:
+            known = self._perhaps_moved(known)
         against = 0.0
         if self.open_set is not None:
             against = self.open_set.log_odds(known, self.path(known), self.weighted_states)
@@ -324,6 +340,14 @@ class MapFilter(Estimator):
         if self.open_set is not None:
             known = self.open_set.estimate(known, against)
         return self.frames.estimate_back(known)
+
+    def _perhaps_moved(self, known: Estimate) -> Estimate:
+        """Let the samples of an object at rest tell where it is if it moved, too slowly as yet to be seen."""
+        shares = self.shares_of_walks()
+        if shares is None or len(shares) == 1 or known.samples is None:
+            return known
+        assert self.motion is not None
+        return replace(known, samples=self.motion.walked(known.samples, shares, len(self._touches)))
 
     def likeliest(self, mass: FloatArray) -> tuple[int, FloatArray]:
         """Find the likeliest map of the likeliest object, and what each map holds given its prior.

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactsim.core import InputError, invert
 from tactsim.core.poses import FloatArray
+from tactsim.estimators.estimator import PoseSamples
 
 # rad for each mm: a point 16 mm from the middle, the tip of a letter of 25 mm, then moves as far by turning.
 _RATIO = 0.06
@@ -18,6 +19,7 @@ _JUMP, _JUMPS = 4.0, 0.001  # mm, standard deviation of a jump along an axis, an
 # misplaced press may speak for a jump by some six nats; after a jump of 5 mm three touches mostly do so by ten.
 _STILL, _BEGINS = 0.9, 0.00025
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
+_WALKED = 512  # samples of a belief that may have walked
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 
 
@@ -52,6 +54,39 @@ class Motion:
     def state(self, placement: FloatArray) -> FloatArray:
         """Undo `placed`."""
         return np.ascontiguousarray(invert(placement * [1, 1, self.ratio]).T)
+
+    def shares(self, readings: int, spread: float, disagreement: float) -> FloatArray:
+        """Weigh rest and a walk of each scale by how much n readings disagree about the place: (1 + scales,), sum 1.
+
+        spread: mm^2 along an axis, of the belief at rest; a reading's own error is n times that. disagreement: how many
+        times as much readings err as ones at rest. The places along a walk have the sample variance of a step's times
+        (n + 1) / 6. Three numbers of each reading err, less those of the mean: a sum of squares has the distribution
+        of chi^2.
+        """
+        assert self.still is not None
+        apart = self.variance * (readings + 1) / 6
+        errs = np.append(1.0, 1 + apart / (readings * max(spread, _LEAST[0] ** 2)))
+        prior = np.append(self.still, (1 - self.still) * self.prior)
+        log_p = np.log(prior) - 1.5 * (readings - 1) * (np.log(errs) + disagreement / errs)
+        share = np.exp(log_p - log_p.max())
+        return np.asarray(share / share.sum(), dtype=float)
+
+    def walked(self, samples: PoseSamples, shares: FloatArray, readings: int) -> PoseSamples:
+        """Mix a belief of rest with where the object is if it walked: as far from there as from the mean of n places.
+
+        shares: of rest and of each scale. The last place of a walk has about the mean of all the variance of a step
+        times (n - 1) (2n - 1) / 6n.
+        """
+        rng = np.random.default_rng(0)  # the same however often an estimate is asked for
+        count = np.rint(_WALKED * shares[1:] / max(shares[1:].sum(), 1e-9)).astype(int)
+        reached = (readings - 1) * (2 * readings - 1) / (6 * readings)
+        width = np.sqrt(np.repeat(self.variance, count) * reached)
+        chosen = rng.choice(len(samples.weights), len(width), p=samples.weights / samples.weights.sum())
+        place = self.placed(samples.poses[chosen].T) + rng.standard_normal((len(width), 3)) * width[:, None]
+        return PoseSamples(
+            np.concatenate([samples.poses, self.state(place).T]),
+            np.append(samples.weights * shares[0], np.full(len(width), (1 - shares[0]) / max(len(width), 1))),
+        )
 
 
 def parse_motion(text: str) -> Motion | None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tactsim.core import Scan
+from tactsim.core import Scan, invert
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
 from tactsim.estimators.field.table_field import TableField
@@ -46,9 +46,6 @@ _AT_LEAST, _ENOUGH = 3, 64.0
 _NEGLIGIBLE, _NEGLIGIBLE_IN_MEAN = 30.0, 20.0
 # So many states of the belief, and readings, the last ones, say by how much readings disagree about the place.
 _STATES, _READINGS = 32, 64
-# By so much larger than learned, errors tell of a move: of 60 readings at rest, in one sequence of twenty. Up to so
-# many readings tell it by themselves, as one place often explains few of them well though the object moved.
-_STIRRED, _SOON = 1.3, 8
 # Of more bins than the first, those of whole planes are summed, and the best, so many, hold the belief.
 _MANY_BINS, _BEST_BINS = 1_000_000, 100_000
 
@@ -142,7 +139,7 @@ class RefinedFilter(GridFilter):
         every = len(self.labels) * self.grid.bins
         # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
         self._leaves = np.array([every]), np.arange(every), np.zeros(every)
-        self._weight, self._unexplained = self.trust(0), 0.0
+        self._weight, self._unexplained, self._spread = self.trust(0), 0.0, math.nan
 
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
@@ -180,16 +177,13 @@ class RefinedFilter(GridFilter):
         self._evaluated += bins + evaluated
         self._unreplayed += unreplayed
 
-    @property
-    def stirred(self) -> bool:
-        """Tell whether the readings disagree with an object at rest.
-
-        They disagree about the place by more than left-out training readings do, and are explained worse than those,
-        unless they are few; two say too little.
-        """
+    def shares_of_walks(self) -> FloatArray | None:
+        """Weigh rest and walks by how much readings disagree about the place beside left-out training readings."""
         count = len(self.field)
-        told = self._unexplained > 0 or 2 < count <= _SOON
-        return told and self.trust(count) > _STIRRED * self._weight
+        if self.motion is None or math.isnan(self._spread):
+            return np.ones(1)
+        disagreement = self.trust.disagreement(count, self._weight)
+        return self.motion.shares(count, self._spread, disagreement)
 
     def left_along(self, moving: MovingBelief) -> float:
         """Tell what share of what is not explained at rest is not along the path of a belief that moves either.
@@ -270,15 +264,18 @@ class RefinedFilter(GridFilter):
 
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
-        count = len(self.field)
+        count, self._spread = len(self.field), math.nan
         if count < 2 or not self.trust.many or not isinstance(self.field, TableField):
             return math.nan
         cells, weights = self._belief_in_cells()
         best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
+        states = cells.some(mine[some]).states
+        if self._watched:
+            self._spread = float(invert(states.T)[:, :2].var(axis=0).mean())
         return influence_at(
-            cells.some(mine[some]).states, best, self.field.terms, max(0, count - _READINGS), count,
+            states, best, self.field.terms, max(0, count - _READINGS), count,
             self.field.tables.sampled,
         )  # fmt: skip
 
