@@ -47,9 +47,8 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
-# Of an object that is watched: the prior probability that it lies still, and below which of by how much readings
-# disagree it is asked whether a motion explains them, after three of them at least. The larger the first, the narrower
-# are regions of what lies still, and the fewer hold what moves: chosen so that those at rest grow by .15 at most.
+# Of an object that is watched: the prior probability that it lies still, the least with which regions of what does
+# grow by .15 at most; and a motion is looked for once rest has less than the second, after so many readings or more.
 _LIES_STILL, _STIRRED, _FEWEST = 0.7, 0.3, 3
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
@@ -283,9 +282,9 @@ class MapFilter(Estimator):
 
         To follow it is to take all touches in again, with a belief that moves, as if it had been there from the first
         on, of the letters that are likely at rest. The next look is after as many touches again; there is none if a
-        motion explains next to nothing.
+        motion explains next to nothing of what it did not before either.
         """
-        self._next_look = 2 * len(self._touches)
+        first, self._next_look = not self._next_look, 2 * len(self._touches)
         moving = self.moving or self._moving_belief()
         assert moving is not None
         if self.moving is None:
@@ -300,7 +299,7 @@ class MapFilter(Estimator):
         left = self.left_along(moving)
         if left > _LEFT or moving.probability < _AT_REST:
             self.moving = None
-        if left > _MUCH_LEFT:
+        if left > _MUCH_LEFT and not first:
             self._next_look = math.inf
 
     def _stirred(self) -> bool:
