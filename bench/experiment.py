@@ -154,8 +154,9 @@ def finished_run(
     kind = kinds.load(config.kind)
     said, bounds = kind.said(config, gathered, trials, estimator)
     learned = scan.where("train").letters
-    about = about | said
-    about |= {
+    about = {
+        **about,
+        **said,
         "letters": list(gathered.letters),
         "scan": dict(scan.meta),
         "alone": learned[0] if len(learned) == 1 and not about["options"].get("unknown") else None,

@@ -184,11 +184,10 @@ def _runs_of(path: Path) -> list[Path]:
     holder = path / "runs" if (path / "runs").is_dir() else path
     # A name with a dot in front is a run that is being written.
     inside = sorted(entry for entry in holder.iterdir() if entry.is_dir() and not entry.name.startswith("."))
-    whole = [folder for folder in inside if (folder / "run.json").is_file()]
-    if not whole:
+    if holder == path:  # where other things may lie, too
+        inside = [folder for folder in inside if (folder / "run.json").is_file()]
+    if not any((folder / "run.json").is_file() for folder in inside):
         raise InputError(f"{path} is neither the folder of a run nor of a sweep: no run.json there or below")
-    if holder == path:  # other things may lie there, too
-        return whole
     if (path / "sweep.json").is_file():
         order = sweep_order(path)
         inside.sort(key=lambda folder: order.get(folder.name, len(order)))
