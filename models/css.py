@@ -80,7 +80,8 @@ def declarations(root: Element) -> dict[Element, Style]:
             "",
             "text/css",
         ):
-            sheet = tinycss2.parse_stylesheet(own_text(element), True, True)
+            text = (element.text or "") + "".join(child.tail or "" for child in element)
+            sheet = tinycss2.parse_stylesheet(text, True, True)
             shown = _if_shown("media", element.get("media", ""), _selected(sheet, _namespaces(sheet)))
             for selector, rules in shown:
                 matcher.add_selector(selector, rules)
@@ -116,11 +117,6 @@ def computed(declared: Style, parent: Style) -> Style:
             value = "inherit" if name in _INHERITED else "initial"
         style[name] = {"inherit": parent.get(name, initial), "initial": initial}.get(value, value)
     return style
-
-
-def own_text(element: Element) -> str:
-    """Join the text of an element without that of its children."""
-    return "".join([element.text or "", *(child.tail or "" for child in element)])
 
 
 def share(text: str) -> float:

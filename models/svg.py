@@ -30,19 +30,7 @@ from svg.path import Linear, Move
 
 from tactsim.core.errors import InputError, short
 from tactsim.core.poses import FloatArray
-from tactsim.models.css import (
-    ELSEWHERE,
-    SVG,
-    Paint,
-    Rgb,
-    Style,
-    color,
-    computed,
-    declarations,
-    own_text,
-    share,
-    url_in,
-)
+from tactsim.models.css import ELSEWHERE, SVG, Paint, Rgb, Style, color, computed, declarations, share, url_in
 
 FLATTENING = 5e-5  # share of the page's longer side: no chord of a curve is further from it
 LARGEST_FLATTENING = 0.002  # mm
@@ -444,7 +432,8 @@ class _Reader:
 
     def _refuse_foreign(self, element: Element, tag: str, here: _Context) -> None:
         """Refuse text or a picture that is seen."""
-        text = ("".join(element.itertext()) if tag == "flowRoot" else own_text(element)).strip()
+        own = [element.text or "", *(child.tail or "" for child in element)]
+        text = "".join(element.itertext() if tag == "flowRoot" else own).strip()
         content = {"image": _link(element.attrib), "foreignObject": len(element)}.get(tag) or text
         unseen = tag in _TEXT and self._paint("fill", here) is None and self._paint("stroke", here) is None
         unseen |= here.alpha == 0

@@ -139,12 +139,8 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
     of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
     of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
     parts = [found[1] for cell in of_times if (found := _BELOW_S.search(cell))]
-    if len({*map(len, parts)}) > 1 and any(
-        part[1:].endswith("0") for part in parts
-    ):  # of .4 no 0 is left out
-        raise CodecError(
-            f"times end in {parts[0]} and {max(parts, key=len)}: write 40 ms as .040, with all digits"
-        )
+    if len({*map(len, parts)}) > 1 and any(part[1:].endswith("0") for part in parts):
+        raise CodecError(f"times end in {parts[0]} and {max(parts, key=len)}: write 40 ms as .040, not .40")
     decimals = ([] if of_hours else of_times) + [cell.replace(thousands, "") for cell in of_taxels]
     commas = text_tables.has_decimal_commas(decimals, separator)
     titles[line] = _with_units(titles[line], cells_of_lines[0] if cells_of_lines else [], time)
@@ -254,9 +250,8 @@ def _past_rounds(clock: FloatArray) -> tuple[FloatArray, int]:
     for most in _ROUNDS if down.any() else ():
         over, usual = steps[down] + most, float(np.median(steps % most))  # more lines may go round than not
         often = len(over) * math.log(most / usual) > _BY_CHANCE if 0 < usual < most else False
-        if (
-            often and np.ptp(clock) < most and np.abs(over - usual).max() <= min(usual, most - usual) / 2
-        ) or (200 * usual < most and over.min() >= 0 and over.max() <= 3 * usual):
+        alike = np.ptp(clock) < most and np.abs(over - usual).max() <= min(usual, most - usual) / 2
+        if (often and alike) or (200 * usual < most and over.min() >= 0 and over.max() <= 3 * usual):
             return clock + most * np.concatenate([[0], np.cumsum(down)]), int(down.sum())
     return clock, 0
 
@@ -318,9 +313,7 @@ def _tick(title: str, times: Sequence[float]) -> tuple[float, str | None]:
         raise CodecError(f"the title's unit of time is {inside.strip()!r}; write the times in s, ms or us")
     since = text_tables.unit_since_1970(times)
     if times and 1.2e17 < min(times) < 7e17:
-        raise CodecError(
-            f"times such as {times[0]:.0f} count 100 ns, as Windows does; write them in s, ms or us"
-        )
+        raise CodecError(f"times such as {times[0]:.0f} count 100 ns, as Windows does; write them in s or ms")
     steps = np.abs(np.diff(times))
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     for text in (inside, behind, *re.split(r"[\W_]+", behind)):
