@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tactsim.core import Scan
+from tactsim.core import Scan, compose
 from tactsim.core.forward import ForwardModel, Linearised
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.synthesis.modes import FARTHEST, likeliest_press
+from tactsim.estimators.synthesis.modes import FARTHEST, expand, likeliest_press, pressed
 
 # By so much, a standard deviation of its logarithm, the force of a touch may differ from that of the training presses.
 _FORCE = 0.5
@@ -26,6 +26,9 @@ _FAILING = 0.1  # of taxels, to begin with
 # Readings of a taxel that fails lie anywhere in the range of the press's readings. Below this share none does: so often
 # a reading at rest is as far off as that.
 _FEWEST = 0.003
+# Standard deviations of the pose, by one press, by which it is shifted for the slope of its score; and its least slope.
+_SHIFT, _FLATTEST = 0.5, 0.25
+_LEAST = 1e-6  # of the information on the pose: a way that presses tell less of, as a turn of a disc, does not count
 
 
 @dataclass(eq=False)
@@ -36,6 +39,7 @@ class LearnedPad:
     comes noise. A taxel fails at a touch with probability `failing`, and reads anything then.
 
     gain: (taxels,). noise: kPa. force: standard deviation of the factor's logarithm, the last nuisance; 0 for none.
+    too_sure: by how many times squared errors of poses are larger than what expansions of readings say, at least 1.
     """
 
     forward: ForwardModel
@@ -43,6 +47,7 @@ class LearnedPad:
     noise: float
     failing: float = 0.0
     force: float = _FORCE
+    too_sure: float = 1.0
     letters: tuple[str, ...] = field(init=False)
     reach: Mapping[str, float] = field(init=False)
     turns: int = field(init=False)
@@ -75,12 +80,36 @@ class LearnedPad:
         some = train.chosen(chosen)
         for _ in range(_ROUNDS):
             pad = pad.refitted(some.readings, pad.explained(some))
-        return pad
+        return replace(pad, too_sure=pad.surplus(some))
 
     @property
     def taxels(self) -> int:
         """Count the taxels of a reading."""
         return len(self.gain)
+
+    def surplus(self, presses: Scan) -> float:
+        """Compare squared errors of poses with what expansions say, by presses at known poses: their ratio, at least 1.
+
+        Of a pad that is as the model says, the score of the pose has the information as its variance and as its slope.
+        Else the errors' covariance is the variance over the squared slope (Huber 1967), here one number for all ways.
+        """
+        labels, number = presses.letters, np.arange(len(presses))
+        letter = np.array([labels.index(label) for label in presses.labels])
+        readings, poses = np.array(presses.readings), np.array(presses.poses)
+
+        def expanded(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            predict = pressed(self, labels, compose(state, poses), readings, number)
+            return expand(letter, state, poses, readings, number, predict, self.noise, self.failing)
+
+        information, ways = np.linalg.eigh(expanded(np.zeros_like(poses))[2].mean(axis=0))
+        told = information > _LEAST * information[-1]
+        if not told.any():
+            return 1.0
+        whiten = (ways[:, told] / np.sqrt(information[told])).T
+        off = _SHIFT * np.random.default_rng(0).standard_normal((len(poses), len(whiten)))
+        up, down = (expanded(sign * off @ whiten)[1] @ whiten.T for sign in (1, -1))
+        slope = max(float(((down - up) * off).sum() / (2 * (off**2).sum())), _FLATTEST)
+        return max(1.0, float((((up + down) / 2) ** 2).mean()) / slope**2)
 
     def readings(self, letter: str, sensor_in_object: FloatArray) -> FloatArray:
         """Predict the readings (n, taxels) kPa of presses at poses (n, 3), of factor 1, without noise."""

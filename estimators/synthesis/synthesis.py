@@ -299,15 +299,15 @@ class Synthesis(Estimator):
             weights = Weights(mine.log_weight)
             states = np.ascontiguousarray(mine.mean.T)
             state = mean_around(states, weights.relative, int(mine.log_weight.argmax()))
-            samples = self._drawn(mine, weights)
+            samples = self._drawn(mine)
         p = (1 - _LOST) * mass / mass.sum() + _LOST / count
         return Estimate(self.labels[best], probabilities(self.labels, p), state, samples)
 
-    def _drawn(self, modes: Modes, weights: Weights) -> PoseSamples:
-        """Draw poses from the modes, evenly, the same every time."""
-        reached = np.cumsum(weights.normalised)
+    def _drawn(self, modes: Modes) -> PoseSamples:
+        """Draw poses from the modes, evenly, the same every time, as wide as presses at known poses ask for."""
+        reached = np.cumsum(Weights(modes.log_weight / self.pad.too_sure).normalised)
         which = np.searchsorted(reached, (np.arange(_SAMPLES) + 0.5) / _SAMPLES).clip(max=len(modes) - 1)
-        factor = np.linalg.cholesky(modes.cov)[which]
+        factor = np.linalg.cholesky(self.pad.too_sure * modes.cov)[which]
         poses = modes.mean[which] + np.einsum("nij,nj->ni", factor, self._normal[:_SAMPLES])
         return PoseSamples(poses, np.full(_SAMPLES, 1 / _SAMPLES))
 

@@ -95,3 +95,19 @@ def test_a_taxel_that_reads_anything_moves_nothing():
     np.testing.assert_allclose(gradient, left_out[1], rtol=1e-9)
     np.testing.assert_allclose(information, left_out[2], rtol=1e-9)
     assert np.linalg.det(information) < np.linalg.det(clean[2])
+
+
+@pytest.mark.parametrize(("scatter", "expected"), [(0.5, 1), (1, 1), (2, 4)])
+def test_squared_errors_of_poses_grow_as_what_the_model_is_not_told(forward, scatter, expected):
+    """Of noise that is k times what was told, the score's variance is k^2 times its slope; never less than 1."""
+    scan = presses(forward, np.random.default_rng(4), count=400)
+    exact = np.concatenate([forward.readings(one, scan.poses[scan.labels == one]) for one in "IL"])
+    felt = exact + scatter * (scan.readings - exact)
+    scan = Scan(felt, scan.poses, scan.labels, scan.split, PAD)
+    assert LearnedPad.as_told(forward).surplus(scan) == pytest.approx(expected, rel=0.15)
+
+
+def test_presses_that_tell_nothing_of_poses_leave_the_belief_as_wide_as_it_is(forward):
+    away = np.tile([500.0, 0.0, 0.0], (3, 1))
+    scan = Scan(np.zeros((3, 36)), away, np.array(["I"] * 3), np.array(["train"] * 3), PAD)
+    assert LearnedPad.as_told(forward).surplus(scan) == 1

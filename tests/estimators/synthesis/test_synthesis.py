@@ -233,3 +233,14 @@ def test_an_expansion_is_that_of_the_log_likelihood():
     np.testing.assert_allclose(
         np.linalg.det(information), np.linalg.det(by_pose @ np.linalg.solve(cov, by_pose.T)), rtol=1e-9
     )
+
+
+def test_poses_are_drawn_as_wide_as_presses_at_known_poses_ask_for(letters, monkeypatch):
+    readings, poses, _ = hidden("L", 6, np.random.default_rng(8))
+    told = follow(letters, readings, poses)[-1]
+    monkeypatch.setattr(letters.pad, "too_sure", 4.0 * letters.pad.too_sure)
+    wider = follow(letters, readings, poses)[-1]
+    assert wider.probabilities == told.probabilities
+    assert (wider.robot_in_object == told.robot_in_object).all()
+    # A mode beside the heaviest counts a little more.
+    np.testing.assert_allclose(np.cov(wider.samples.poses.T), 4 * np.cov(told.samples.poses.T), rtol=0.05)
