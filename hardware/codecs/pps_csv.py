@@ -35,10 +35,11 @@ _TIMES = {
 _OF_DAY = re.compile(r"\d:\d\d:\d\d")
 # Of a date that is not in ISO 8601 nobody knows the month; the time of day is enough.
 _CLOCK = re.compile(
-    r"(?:\d\d?[./-](?:\d\d?|[A-Z][a-z]{2})[./-]\d{4},? |\d+ days? )?"
+    r"(?!\d{4}-\d\d-\d\d)(?:[\w/.,-]+ ){0,5}"
     r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+|:\d{3})?)(?: ?([AaPp])[Mm]|Z)?"
 )
 _BELOW_S = re.compile(r":\d\d:\d\d[.,:](\d{1,3})\b")  # digits behind the second of a time of day
+_GLUED = re.compile(r"(20\d\d[01]\d[0-3]\d[0-2]|0)\d[0-5]\d[0-5]\d(\.\d+|(?<=\d{14})\d{3})?")
 _DAY = 86_400.0  # s
 # Units of time as people write them, once blanks, points and case are gone: `mSec`, `Milli Sec.`, `µs`.
 _SECOND = "(?:s|secs?|seconds?|secondes?|secondi|segundos?|seconden|sek|sekunden?)"
@@ -138,6 +139,8 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
     thousands = text_tables.thousands_mark(of_taxels, unit=unit) or ""
     of_times = [cells[time] for cells in cells_of_lines if len(cells) > time]
     of_hours = text_tables.thousands_mark(of_times) or ""  # 1,040 ms
+    if of_times and all(map(_GLUED.fullmatch, of_times)):
+        raise CodecError(f"times such as {of_times[0]} have no marks within: write hours as in 12:00:01.5")
     parts = [found[1] for cell in of_times if (found := _BELOW_S.search(cell))]
     if len({*map(len, parts)}) > 1 and any(part[1:].endswith("0") for part in parts):
         raise CodecError(f"times end in {parts[0]} and {max(parts, key=len)}: write 40 ms as .040, not .40")
@@ -194,7 +197,7 @@ def read_table(texts: Iterable[str], unit: str = "") -> tuple[list[str], Iterato
         row[:] = mended
     failed = np.asarray(failed_cells(whole[:, 1:]).any(axis=1))
     clock = whole[:, 0].tolist()
-    of_day = any(map(_OF_DAY.search, samples))
+    of_day = any(_OF_DAY.search(text) for text, row in zip(samples, parsed, strict=True) if row is not None)
     tick, remark = (1.0, None) if of_day else _tick(titles[line][time], clock)
     again_from_0 = f"the clock goes round {rounds} times: they go on from there"
     remarks = [*filter(None, [remark]), *([again_from_0] if rounds else [])]

@@ -225,6 +225,7 @@ def test_a_line_of_units_below_the_title_says_them(unit, seconds):
     ("form", "mark"),
     [
         *[("28.11.2026 12:00:{}", "."), ("11/28/2026 12:00:{} PM", "."), ("12:00:{}", ":")],
+        *[("2026/11/28 12:00:{}", "."), ("Sat, 28 Nov 2026 12:00:{}", "."), ("11/28/26 12:00:{}", ".")],
         *[("28-Nov-2026 12:00:{}", "."), ("0 days 12:00:{}", ".")],  # as MATLAB and pandas write them
         ("2026-11-28T12:00:{}+01:00", "."),
     ],
@@ -254,6 +255,10 @@ def test_a_printed_minus_is_one_and_a_line_that_ends_before_the_time_is_none():
     ("lines", "says"),
     [
         (["time_s,a,b", *(f"{1.75e12 + 40 * at:.0f},1,2" for at in range(9))], "since 1970 in other units"),
+        *[
+            (["time,a,b", *(f"{begin}00.{40 * at:03d},1,2" for at in range(9))], "have no marks within")
+            for begin in ("0959", "202611280959")
+        ],
         (["time [s*1000],a,b", *(f"{40 * at},1,2" for at in range(9))], "unit of time is 's*1000'"),
         (
             ["time,a,b", *(f"{134 * 10**15 + 400_000 * at},1,2" for at in range(9))],
@@ -276,6 +281,12 @@ def test_a_printed_minus_is_one_and_a_line_that_ends_before_the_time_is_none():
 def test_times_that_would_be_read_wrong_are_refused(lines, says):
     with pytest.raises(CodecError, match=re.escape(says)):
         read_table(iter(lines))
+
+
+def test_a_time_of_day_below_the_table_is_none_of_its_times():
+    lines = [f"{1000 * time:.0f},{at},7" for at, time in enumerate(STEPS)]
+    frames = frames_of(["Time [ms],a,b", *lines, "End time,12:00:01"])
+    assert [frame.ticks for frame in frames] == pytest.approx(STEPS)
 
 
 def test_a_unit_that_makes_no_sense_is_asked_for():
