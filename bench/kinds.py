@@ -6,7 +6,7 @@ class like `Kind` as an entry point `tactsim.kinds`. The task that is called as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
@@ -20,6 +20,7 @@ from tactsim.core.scan import Scan
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from tactsim.bench.report import Pages
     from tactsim.bench.results import Run
     from tactsim.bench.runs.figures import Picture
     from tactsim.bench.score import Metric, Scored
@@ -95,29 +96,6 @@ class Gathered:
     work: dict[str, Any]
     seconds: float
     objects: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """How pictures for a paper are drawn: inches wide, one panel (accuracy or error) or both, and with a caption."""
-
-    width: float = 7.16  # both columns of a page of the IEEE
-    panel: Literal["accuracy", "error"] | None = None
-    caption: bool = True
-
-
-@dataclass(frozen=True)
-class Pages:
-    """A report that is wanted: its runs, each with the folder that it is known by, its file, and remarks to begin with.
-
-    sheet: of the pictures beside it.
-    """
-
-    runs: Sequence[tuple[Path, Run]]
-    out: Path
-    remarks: Sequence[str]
-    progress: Progress
-    sheet: Sheet = Sheet()
 
 
 class Kind:

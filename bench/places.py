@@ -10,13 +10,11 @@ from tempfile import TemporaryFile
 
 from tactsim.bench.console import plain_console
 from tactsim.core import InputError
-from tactsim.core.files import KeptBeside, opened
+from tactsim.core.files import KeptBeside
 
 RESULTS = Path("results")
 RUNS = RESULTS / "runs"
 SWEEPS = RESULTS / "sweeps"
-REPORT_TITLE = "tactsim: "  # the title of every report begins so, by which one is known that may be made anew
-_HEAD = 2000  # bytes of a page, within which its title is
 
 
 def results_folder(out: Path | None, name: str) -> Path:
@@ -111,22 +109,6 @@ def check_new_file(
             raise InputError(f"{option} {path} exists; name another file")
         if not path.name.lower().endswith(ending := picture or suffix):
             raise InputError(f"{option} {path}: name it FILE{ending}")
-
-
-def check_page(path: Path) -> None:
-    """Raise InputError unless `path` is called like a page, and nothing or an older report stands there."""
-    if path.suffix != ".html" and not path.is_dir():
-        raise InputError(f"{path}: the report is a page; give a name that ends in .html")
-    if path.is_file() and not is_report(path):
-        raise InputError(f"{path}: what stands there is no report and is not replaced; name another file")
-
-
-def is_report(path: Path) -> bool:
-    """Tell whether a report stands at `path`: a page that `bench report` made."""
-    if not path.is_file():
-        return False
-    with opened(path) as stream:
-        return f"<title>{REPORT_TITLE}".encode() in stream.read(_HEAD)
 
 
 def _check_writable(folder: Path, path: Path, option: str = "--out") -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tactsim.bench.config import RunConfig, chosen_letters, run_config
 from tactsim.bench.config import scan_options as stated_scan
-from tactsim.bench.kinds import PLANE, Gathered, Kind, Pages
+from tactsim.bench.kinds import PLANE, Gathered, Kind
 from tactsim.bench.placement import Properties, poses_unknown, properties, stated_properties
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.paper import beside
@@ -45,6 +45,7 @@ from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
 
 if TYPE_CHECKING:
+    from tactsim.bench.report import Pages
     from tactsim.bench.runs.figures import Picture
     from tactsim.core.forward import ForwardModel
     from tactsim.estimators.pad_fit import PadFit

@@ -11,7 +11,8 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.console import plain_console, plain_table
-from tactsim.bench.places import RESULTS, SWEEPS, check_folder, check_new_file, check_page
+from tactsim.bench.places import RESULTS, SWEEPS, check_folder, check_new_file
+from tactsim.bench.report import check_page
 from tactsim.core.errors import InputError, printable
 
 
@@ -82,7 +83,7 @@ def command_report(
     caption: bool = typer.Option(True, "--caption/--no-caption", help="Say below a figure what it is of."),
 ) -> None:
     """Write one HTML page that opens without a network; beside it curves as CSV, and figures as PDF and SVG."""
-    from tactsim.bench.kinds import Sheet
+    from tactsim.bench.report import Sheet
     from tactsim.bench.report.write import check_folder, write_report
     from tactsim.bench.terminal import progress_bars
 

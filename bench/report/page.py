@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from tactsim.bench.kinds import PLANE
 from tactsim.bench.pages import render
-from tactsim.bench.places import REPORT_TITLE
+from tactsim.bench.report import REPORT_TITLE
 from tactsim.bench.report.curves import below_bound, confusion_counts, curves, machine_line, points
 from tactsim.bench.report.picture import plots
 from tactsim.bench.report.recognition import Recognition, Replayed, drawing, map_outline, taxel_size

@@ -21,7 +21,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from tactsim.bench.kinds import Sheet
+from tactsim.bench.report import Sheet
 from tactsim.bench.report.curves import Point, axis_of_errors, below_bound, machine_line, points, reliability
 from tactsim.bench.runs import paper
 from tactsim.bench.runs.figures import (

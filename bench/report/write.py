@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from tactsim.bench.config import RunConfig
 from tactsim.bench.cramer_rao import bounds_of_trials
 from tactsim.bench.experiment import silent
-from tactsim.bench.kinds import PLANE, Pages, Sheet
-from tactsim.bench.places import check_page, is_report
+from tactsim.bench.kinds import PLANE
 from tactsim.bench.plane import NO_BOUND
+from tactsim.bench.report import Pages, Sheet, check_page, is_report
 from tactsim.bench.report.curves import COLUMNS, has_curves, tables
 from tactsim.bench.report.page import page
 from tactsim.bench.report.recognition import readings_of, replay_all

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from tactsim.bench.config import Flags, Noise, StopAt, as_paths, merged, nested, whole_number
-from tactsim.bench.kinds import Gathered, Kind, Pages
+from tactsim.bench.kinds import Gathered, Kind
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.figures import Picture
 from tactsim.bench.trials import OneTrial, Progress, Touch, TrialPlan, TrialRules, Trials, generator
@@ -40,6 +40,7 @@ from tactsim.solids.score import (
 )
 
 if TYPE_CHECKING:
+    from tactsim.bench.report import Pages
     from tactsim.models import Solid
     from tactsim.solids import Hand, HandPress, SpacePress
     from tactsim.solids.press import Touched

@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tactsim.bench.experiment import gather
-from tactsim.bench.kinds import Pages, load
+from tactsim.bench.kinds import load
 from tactsim.bench.pages import render
-from tactsim.bench.places import REPORT_TITLE, check_page
+from tactsim.bench.report import REPORT_TITLE, Pages, check_page
 from tactsim.bench.report.page import Arrays, shown_figures
 from tactsim.bench.report.picture import alone
 from tactsim.bench.report.recognition import Again, do_again, trials_to_show

@@ -23,8 +23,8 @@ import tactsim
 from tactsim import models
 from tactsim.bench import score
 from tactsim.bench.config import run_config
-from tactsim.bench.kinds import Sheet
 from tactsim.bench.placement import Properties, placement_error
+from tactsim.bench.report import Sheet
 from tactsim.bench.report import recognition as replay
 from tactsim.bench.report.curves import (
     axis_of_errors,
