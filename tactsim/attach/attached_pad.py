@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactsim.attach.geom_gap import Body, Pose, body_of, measure
+from tactsim.attach.pad_kernels import STEEP
 from tactsim.attach.pad_reader import Layer, PadReader, touchable
 from tactsim.attach.pad_surface import RELIEF, Face, Lines, PadSurface, matrix, pad_axes, pad_surface
 from tactsim.core.errors import InputError, short, unknown
@@ -99,7 +100,7 @@ def _seen(body: Body, pose: Pose, x: FloatArray, y: FloatArray, far: float) -> t
             points = np.stack([at_x[met], at_y[met], np.full(met.size, side)], 1)
             gap, share, shift = np.empty(met.size), np.empty(met.size), np.empty((2, met.size))
             lines = Lines(points, way, _NO_WIDTH[:1], _NO_WIDTH[1:], np.ones(1))
-            measure(body, geom, pose, lines, _EVERYWHERE, gap, share, shift)
+            measure(body, geom, pose, lines, _EVERYWHERE, STEEP, gap, share, shift)
             there = np.isfinite(gap) & (share > 0.5)
             met, ends = met[there], [end[there] for end in (*ends, side + way[0, 2] * gap)]
         there = ends[0] > ends[1]

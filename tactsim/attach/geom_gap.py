@@ -24,6 +24,7 @@ from tactsim.core.errors import InputError
 from tactsim.core.poses import FloatArray
 
 _MM = 1e3  # mm in a metre
+_FACES = 1.5  # times as far as points spread, or as far as a geom sinks in, its faces are looked at
 FACETED, _ROUND, _CYLINDER, _CAPSULE = range(4)
 
 
@@ -213,9 +214,8 @@ def ball_around(points: Reals2D) -> Reals1D:
 def near(body: Body, geom: int, pose: Pose, ball: Reals1D) -> tuple[Reals2D, Reals1D]:
     """Put the faces of a geom before the pad: normals (f, 3) and offsets (f,) mm in its frame.
 
-    ball: (4,) mm, as `ball_around` gives it of points. Faces that are further from them than the geom is, by more than
-    the points' spread, are left out. Those that are left rise above the points in all directions by that spread, far
-    more than a layer gives way.
+    ball: (4,) mm, a middle and a radius, as `measure` takes it. Faces that are further from the middle than the geom
+    is, by more than the radius, are left out.
     """
     first, last, place = body.faces[geom, 0], body.faces[geom, 1], pose.positions[geom]
     x, y, z = turned(pose.rotations, geom, (ball[0] - place[0], ball[1] - place[1], ball[2] - place[2]))
@@ -223,7 +223,7 @@ def near(body: Body, geom: int, pose: Pose, ball: Reals1D) -> tuple[Reals2D, Rea
     for face in range(len(away)):
         apart = (balls[face, 0] - x) ** 2 + (balls[face, 1] - y) ** 2 + (balls[face, 2] - z) ** 2
         away[face] = math.sqrt(apart) - balls[face, 3]
-    limit = max(away.min(), 0.0) + 1.5 * ball[3]
+    limit = max(away.min(), 0.0) + ball[3]
     count = int(np.count_nonzero(away <= limit))
     normals, offsets = np.zeros((count, 3)), np.empty(count)
     count = 0
@@ -245,18 +245,22 @@ def measure(
     pose: Pose,
     lines: Lines,
     ball: Reals1D,
+    steep: float,
     gap: Reals1D,
     share: Reals1D,
     shift: Reals2D,
 ) -> None:
-    """Measure from each of n points of a surface, which `ball` (4,) mm holds, along its normal to where a geom begins.
+    """Measure from each of n points of a surface along its normal to where a geom begins.
 
-    Fills gap (n,) mm, infinite where the line misses the geom, and share (n,) and shift (2, n) as in `Cover`.
+    ball: (4,) mm, about the points, so much larger than they spread that it holds also what the geom sinks in.
+
+    steep: what a wall is, as `STEEP`. Fills gap (n,) mm, infinite where the line misses the geom, and share (n,) and
+    shift (2, n) as in `Cover`.
     """
     kind = body.kind[geom]
     if kind == FACETED:
         normals, offsets = near(body, geom, pose, ball)
-        enter(normals, offsets, lines, np.empty(0), gap, share, shift)
+        enter(normals, offsets, lines, steep, np.empty(0), gap, share, shift)
         return
     half = (body.size[geom, 0], body.size[geom, 1], body.size[geom, 2])
     bend = (1 / half[0], 1 / half[1], 1 / half[2])
@@ -269,7 +273,7 @@ def measure(
             gap[i] = round_entry(point, way, bend)
         elif kind == _CAPSULE:
             gap[i] = capsule_entry(point, way, half[0], half[1])
-        elif math.hypot(way[0], way[1]) < STEEP:  # the cylinder's side is a wall
+        elif math.hypot(way[0], way[1]) < steep:  # the cylinder's side is a wall
             gap[i] = upright
         else:
             gap[i] = side_entry(point, way, half[0])
@@ -280,7 +284,8 @@ def measure(
     normals[0], normals[1] = pose.rotations[geom, :, 2], -pose.rotations[geom, :, 2]
     offsets = half[1] + normals @ pose.positions[geom]
     before = gap.copy()
-    enter(normals, offsets, lines, before[: len(gap) * int((before > upright).any())], gap, share, shift)
+    sides = before[: len(gap) * int((before > upright).any())]
+    enter(normals, offsets, lines, steep, sides, gap, share, shift)
     for i in range(len(gap)):
         if before[i] > upright:
             continue
@@ -309,16 +314,18 @@ def among(body: Body, pose: Pose, chosen: Bools1D) -> tuple[Body, Pose]:
 
 
 @compiled(called_from_python=False)
-def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float) -> Cover:
+def union_gaps(body: Body, pose: Pose, lines: Lines, depth: float, deep: float, cell: float) -> Cover:
     """Measure from a surface to a body of several geoms, which may overlap: to the nearest of them at each point.
 
-    depth: mm below the surface, where nothing begins. Not more than the whole of a cell is covered.
+    depth: mm below the surface, where nothing begins. deep: mm that the body sinks in, as far as is known. cell: mm, a
+    cell's shorter side; what leans over more than that is no wall. Not more than the whole of a cell is covered.
     """
     geoms, cells = len(body.kind), len(lines.points)
     gap, share, shift = np.empty((geoms, cells)), np.empty((geoms, cells)), np.empty((geoms, 2, cells))
-    ball = ball_around(lines.points)
+    ball, steep = ball_around(lines.points), min(STEEP, cell / max(deep, SMALL))
+    ball[3] = max(_FACES * ball[3], math.hypot(ball[3], deep))
     for geom in range(geoms):
-        measure(body, geom, pose, lines, ball, gap[geom], share[geom], shift[geom])
+        measure(body, geom, pose, lines, ball, steep, gap[geom], share[geom], shift[geom])
         for cell in range(cells):
             if not -depth < gap[geom, cell] < np.inf:
                 share[geom, cell] = 0.0

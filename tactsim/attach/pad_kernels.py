@@ -41,8 +41,8 @@ class Taxels(NamedTuple):
 STEEP = 0.2  # a facet whose normal has a smaller part along the surface's normal is a wall: steeper than 78 degrees
 SMALL = 1e-12
 _ALIKE = 0.7  # walls at a smaller angle than 45 degrees cut a cell as one
-_SQUARE = 1e-3  # a wall nearer to a cell's side than this is taken to be so far from it
 _LEAST = 1e-9  # of a cell: less than this is not covered
+_CELL = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 _NARROW = 1e-4  # of a cell, to which forces are spread at least
 _BLOCK = 512  # lines at a time
 _FAR = 8  # standard deviations of the point spread, beyond which it is less than what a double resolves
@@ -53,36 +53,52 @@ _PASSED = _AT * _BELOW + np.exp(-_AT * _AT / 2) / math.sqrt(2 * math.pi)
 
 
 @compiled(called_from_python=False)
-def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float, float]:
-    """Cut a cell by a straight wall, exactly.
+def clip(
+    corners: Reals2D, count: int, outside: float, across_u: float, across_v: float, kept: Reals2D
+) -> int:
+    """Cut a part of a cell, a convex polygon, by a straight wall.
 
-    outside: mm by which the cell's middle lies outside the wall. across_u, across_v: mm, how far one goes outwards
-    along u and along v of the cell. Returns which share is inside, and where its middle is along u and v, in cells.
-
-    Of a unit square, the part where a u + b v <= t has the area dG/dt and the first moment -dG/da, where G is the
-    integral of max(t - a u - b v, 0): a sum over the corners of the cube of max(t - a u - b v, 0) / 6 a b.
+    corners: the first `count` of (m, 2), in cells from the cell's middle. outside: mm by which the middle lies outside
+    the wall. across_u, across_v: mm, how far one goes outwards along u and v of the cell. Fills kept, as corners, and
+    returns how many it has.
     """
-    a, b = abs(across_u), abs(across_v)
-    if abs(outside) >= (a + b) / 2:
+    left = 0
+    for i in range(count):
+        u, v = corners[i, 0], corners[i, 1]
+        next_u, next_v = corners[(i + 1) % count, 0], corners[(i + 1) % count, 1]
+        here, there = outside + u * across_u + v * across_v, outside + next_u * across_u + next_v * across_v
+        if here <= 0:
+            kept[left, 0], kept[left, 1] = u, v
+            left += 1
+        if (here <= 0) != (there <= 0):
+            way = here / (here - there)
+            kept[left, 0], kept[left, 1] = u + way * (next_u - u), v + way * (next_v - v)
+            left += 1
+    return left
+
+
+@compiled(called_from_python=False)
+def middle(corners: Reals2D, count: int) -> tuple[float, float, float]:
+    """Give the area of a convex polygon, the first `count` of corners (m, 2), and where its middle is along u and v."""
+    area = u = v = 0.0
+    for i in range(count):
+        j = (i + 1) % count
+        turn = corners[i, 0] * corners[j, 1] - corners[j, 0] * corners[i, 1]
+        area += turn / 2
+        u += turn * (corners[i, 0] + corners[j, 0]) / 6
+        v += turn * (corners[i, 1] + corners[j, 1]) / 6
+    if area < _LEAST:
+        return 0.0, 0.0, 0.0
+    return area, u / area, v / area
+
+
+@compiled(called_from_python=False)
+def cut(outside: float, across_u: float, across_v: float) -> tuple[float, float, float]:
+    """Cut a cell by a wall, as `clip`: which share is inside, and where its middle is along u and v, in cells."""
+    if abs(outside) >= (abs(across_u) + abs(across_v)) / 2:
         return 1.0 if outside < 0 else 0.0, 0.0, 0.0
-    a, b = max(a, _SQUARE * b), max(b, _SQUARE * a)
-    inside = integral = turn_u = turn_v = 0.0
-    for u in (0.5, -0.5):
-        for v in (0.5, -0.5):
-            corner = max(a * u + b * v - outside, 0.0)
-            square = corner * corner / 2
-            inside += 4 * u * v * square
-            integral += 4 * u * v * square * corner
-            turn_u += v * square
-            turn_v += u * square
-    area = a * b
-    inside, integral = inside / area, integral / (3 * area)
-    least = max(inside, SMALL)
-    return (
-        inside,
-        np.sign(across_u) * (integral / a - turn_u / area) / least,
-        np.sign(across_v) * (integral / b - turn_v / area) / least,
-    )
+    kept = np.empty((5, 2))
+    return middle(kept, clip(_CELL.copy(), 4, outside, across_u, across_v, kept))
 
 
 @compiled(called_from_python=False)
@@ -144,17 +160,6 @@ def unite(gap: Reals2D, share: Reals2D, shift: Reals3D) -> None:
 
 
 @compiled(called_from_python=False)
-def cut_by(
-    normals: Reals2D, face: int, lines: Lines, line: int, outside: float
-) -> tuple[float, float, float]:
-    """Cut a cell by a face that is a wall, `outside` mm from the cell's middle: as `cut`."""
-    part = dot(normals, face, lines.normals, line)
-    steep = math.sqrt(max(1 - part * part, SMALL))
-    across_u = dot(normals, face, lines.span_u, line) / steep
-    return cut(outside, across_u, dot(normals, face, lines.span_v, line) / steep)
-
-
-@compiled(called_from_python=False)
 def project(normals: Reals2D, face: int, vectors: Reals2D, parts: Reals1D) -> None:
     """Fill parts (k,) with those along a normal of (f, 3) of vectors (3, k)."""
     x, y, z = normals[face, 0], normals[face, 1], normals[face, 2]
@@ -177,6 +182,7 @@ def enter(
     normals: Reals2D,
     offsets: Reals1D,
     lines: Lines,
+    steep: float,
     before: Reals1D,
     gap: Reals1D,
     share: Reals1D,
@@ -186,8 +192,11 @@ def enter(
 
     A wall that leans over the pad is farther out the deeper the surface lies in the body. What touches it there, less
     and less, adds up to what touches an upright wall that stands where this one is halfway up to the surface.
-    normals (f, 3), offsets (f,) mm: the faces. before: (n,) mm where the line enters what else bounds the body, or
-    (0,). Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`.
+    normals (f, 3), offsets (f,) mm: the faces. steep: what a wall is, as `STEEP`. before: (n,) mm where the line enters
+    what else bounds the body, or (0,). Fills gap (n,) mm, share (n,) and shift (2, n) as in `Cover`.
+
+    As one sees it along the line, a wall meets the face entered, `last`, in an edge, across which in the surface lies
+    m = wall - last (wall . line) / (last . line).
     """
     points, ways, span_u, span_v = lines.points, lines.normals, lines.span_u, lines.span_v
     faces, own, bounded = len(offsets), len(ways) > 1, len(before) > 0
@@ -197,19 +206,20 @@ def enter(
     for face in range(faces):
         project(normals, face, way, rates)
         lowest[face], highest[face] = ends(rates)
-    limit = -STEEP if bounded or lowest.min() < -STEEP else -SMALL
-    wall = (highest >= limit) & (lowest < 1 - SMALL)
+    limit = -steep if bounded or lowest.min() < -steep else -SMALL
+    wall = highest >= limit
     share[:] = 1.0
     shift[:] = 0.0
     # The inner loops are over lines, some at once, of which a block stays in the nearest cache.
     at = np.empty((3, _BLOCK))
     rates, heights, outsides = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
-    lasts, worsts = np.empty(_BLOCK, dtype=np.int64), np.empty(_BLOCK, dtype=np.int64)
+    lasts, entered, squares = np.empty(_BLOCK, dtype=np.int64), np.empty((3, _BLOCK)), np.empty(_BLOCK)
+    part, spare = np.empty((faces + 4, 2)), np.empty((faces + 4, 2))
     for start in range(0, len(points), _BLOCK):
         size = min(_BLOCK, len(points) - start)
         rate, height, most = rates[:size], heights[:size], outsides[:size]
-        last, worst, entry = lasts[:size], worsts[:size], gap[start : start + size]
-        last[:] = worst[:] = -1
+        last, entry = lasts[:size], gap[start : start + size]
+        last[:] = -1
         entry[:] = most[:] = -np.inf
         at[:, :size] = points[start : start + size].T
         if own:
@@ -228,12 +238,19 @@ def enter(
                 later = (rate[i] < limit) & (ahead > entry[i])
                 entry[i] = ahead if later else entry[i]
                 last[i] = face if later else last[i]
-        if bounded:
-            entry[:] = np.maximum(entry, before[start : start + size])
+        for i in range(size):
+            line = start + i if own else 0
+            if bounded and before[start + i] > entry[i]:
+                entry[i], last[i] = before[start + i], -1
+            # The normal of what is entered, divided by its part along the line. What is no face lies along the surface.
+            facing = dot(normals, last[i], ways, line) if last[i] >= 0 else 1.0
+            squares[i] = 1 / (facing * facing)
+            for k in range(3):
+                entered[k, i] = normals[last[i], k] / facing if last[i] >= 0 else ways[line, k]
         for face in range(faces):
             if not wall[face]:
                 continue
-            offset = offsets[face]
+            offset, x, y, z = offsets[face], normals[face, 0], normals[face, 1], normals[face, 2]
             project(normals, face, at, height)
             if own:
                 project(normals, face, way, rate)
@@ -242,45 +259,45 @@ def enter(
             for i in range(size):
                 outside = entry[i] * rate[i] + height[i] - offset
                 outside -= min(rate[i], 0.0) * min(entry[i], 0.0) / 2
-                outside /= math.sqrt(max(1 - rate[i] * rate[i], SMALL))
-                farther = (rate[i] >= limit) & (outside > most[i])
-                most[i] = outside if farther else most[i]
-                worst[i] = face if farther else worst[i]
+                alike = x * entered[0, i] + y * entered[1, i] + z * entered[2, i]
+                outside /= math.sqrt(max(1 + rate[i] * (rate[i] * squares[i] - 2 * alike), SMALL))
+                most[i] = outside if (rate[i] >= limit) & (outside > most[i]) else most[i]
         for k in range(size):
-            i, first = start + k, worst[k]
+            i = start + k
             line = i if own else 0
-            if first < 0 or not np.isfinite(gap[i]):
+            if most[k] == -np.inf or not np.isfinite(gap[i]):
                 continue
             # A wall farther from the middle of a cell than its sides' lengths allow leaves it whole, or bare.
             if 2 * most[k] * most[k] > dot(span_u, line, span_u, line) + dot(span_v, line, span_v, line):
                 share[i] = 0.0 if most[k] > 0 else 1.0
                 continue
-            share[i], shift[0, i], shift[1, i] = cut_by(normals, first, lines, line, most[k])
+            part[:4], count = _CELL, 4
+            for face in range(faces):
+                steepness = dot(normals, face, ways, line)
+                if not wall[face] or steepness < limit:
+                    continue
+                outside = gap[i] * steepness + dot(normals, face, points, i) - offsets[face]
+                outside -= min(steepness, 0.0) * min(gap[i], 0.0) / 2
+                across_u, across_v = dot(normals, face, span_u, line), dot(normals, face, span_v, line)
+                for axis in range(3):
+                    across_u -= steepness * entered[axis, k] * span_u[line, axis]
+                    across_v -= steepness * entered[axis, k] * span_v[line, axis]
+                if 2 * outside > -abs(across_u) - abs(across_v):
+                    count = clip(part, count, outside, across_u, across_v, spare)
+                    part, spare = spare, part
+            share[i], shift[0, i], shift[1, i] = middle(part, count)
             if not 0 < share[i] < 1:
                 continue
-            # A second wall, across the first one (a corner) or behind it (a blade).
-            second, farthest = -1, -np.inf
+            if bounded:
+                continue
+            # The gap in the middle of the covered part, where another face may be the last.
+            gap[i] = -np.inf
             for face in range(faces):
-                part = dot(normals, face, ways, line)
-                if wall[face] and part >= limit and dot(normals, first, normals, face) < _ALIKE:
-                    outside = gap[i] * part + dot(normals, face, points, i) - offsets[face]
-                    outside -= min(part, 0.0) * min(gap[i], 0.0) / 2
-                    outside /= math.sqrt(max(1 - part * part, SMALL))
-                    if outside > farthest:
-                        second, farthest = face, outside
-            if second >= 0:
-                further, moved_u, moved_v = cut_by(normals, second, lines, line, farthest)
-                if dot(normals, first, normals, second) < -_ALIKE:
-                    share[i] = max(share[i] + further - 1, 0.0)
-                else:
-                    share[i] *= further
-                shift[0, i] += moved_u
-                shift[1, i] += moved_v
-            if not bounded:  # the gap in the middle of the covered part
-                slope_u = dot(normals, last[k], span_u, line)
-                slope_v = dot(normals, last[k], span_v, line)
-                steepness = dot(normals, last[k], ways, line)
-                gap[i] -= (shift[0, i] * slope_u + shift[1, i] * slope_v) / steepness
+                steepness = dot(normals, face, ways, line)
+                if steepness < limit:
+                    across_u, across_v = dot(normals, face, span_u, line), dot(normals, face, span_v, line)
+                    there = dot(normals, face, points, i) + shift[0, i] * across_u + shift[1, i] * across_v
+                    gap[i] = max(gap[i], (offsets[face] - there) / steepness)
 
 
 @compiled(called_from_python=False)

@@ -21,6 +21,9 @@ _LINES_OF_SEVERAL = 48  # at least, over a body of several geoms, each of which 
 _LINES_OF_STEPS = 200  # at most, on a surface that may jump, which the lattice samples
 _LINES_A_PITCH_OF_STEPS = 25
 _LINES_A_PITCH = 3  # between the two
+_FEW, _ENOUGH = 64, 512  # of its cells carry what touches: too few of a sliver, so many then
+_FINEST = 8.0  # times as many lines as else, over a sliver
+_ALIKE = 0.2  # of the depth, by which a finer lattice may correct it
 _SEARCH = 10  # of the lattices that find what touches
 _SEARCHES = 16  # lattices, coarse and fine
 # By so much of its size a lattice is widened on a side that touches, once one was narrowed: less than would be narrowed
@@ -228,17 +231,25 @@ def lay_lattice(face: Face, u: Reals1D, v: Reals1D) -> Lines:
 
 @compiled(called_from_python=False)
 def press_cells(
-    face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load, u: Reals1D, v: Reals1D, sunk: float
+    face: Face,
+    taxels: Taxels,
+    body: Body,
+    pose: Pose,
+    load: Load,
+    u: Reals1D,
+    v: Reals1D,
+    sunk: float,
+    deep: float,
 ) -> tuple[Carried, Bools1D, Pose, float, float]:
     """Balance a load on a lattice of cells, whose edges are u (columns + 1,) and v (rows + 1,) mm.
 
-    sunk: mm by which the body was moved along the load already. Returns also which of the body's geoms (p,) a
-    line meets, how all lie where the load is balanced, how far the body is sunk there, and by how much more it
-    would be without a turn.
+    sunk: mm by which the body was moved along the load already. deep: mm that it sinks in, as far as is known. Returns
+    also which of the body's geoms (p,) a line meets, how all lie where the load is balanced, how far the body is sunk
+    there, and by how much more it would be without a turn.
     """
     columns, rows = len(u) - 1, len(v) - 1
     cells, du, dv, lines = rows * columns, u[1] - u[0], v[1] - v[0], lay_lattice(face, u, v)
-    cover = union_gaps(body, pose, lines, face.depth + sunk)
+    cover = union_gaps(body, pose, lines, face.depth + sunk, deep, min(du, dv))
     met, gap, shift = cover.cell, cover.gap, cover.shift
     line = met if len(lines.normals) > 1 else np.zeros_like(met)
     # A turn is measured in mm at half the length of what is looked at.
@@ -288,7 +299,8 @@ def widen(
             continue
         alone = np.arange(len(met)) == geom
         u, v = np.linspace(first[0], last[0], _SEARCH + 1), np.linspace(first[1], last[1], _SEARCH + 1)
-        cover = union_gaps(*among(body, pose, alone), lay_lattice(face, u, v), face.depth + sunk)
+        lines = lay_lattice(face, u, v)
+        cover = union_gaps(*among(body, pose, alone), lines, face.depth + sunk, sunk, size.min())
         gaps[:] = np.inf
         for i in range(len(cover.cell)):
             gaps[cover.cell[i] // _SEARCH, cover.cell[i] % _SEARCH] = cover.gap[i]
@@ -330,15 +342,18 @@ def beside(face: Face, load: Load) -> bool:
 
 @compiled(called_from_python=False)
 def fine_lines(
-    face: Face, taxels: Taxels, low: Reals1D, high: Reals1D, several: bool
+    face: Face, taxels: Taxels, low: Reals1D, high: Reals1D, several: bool, finer: float
 ) -> tuple[Reals1D, Reals1D]:
-    """Lay the edges of the lattice that gives the pressure over what lies between low and high, (2,) mm."""
+    """Lay the edges of the lattice that gives the pressure over what lies between low and high, (2,) mm.
+
+    finer: how many times as many lines as over what is no sliver.
+    """
     least, count = float(_LINES_OF_SEVERAL if several else _LINES[0]), np.empty(2)
     for i in range(2):
         most, a_pitch = _LINES[1], _LINES_A_PITCH
         if steps(face, low, high, i):
             most, a_pitch = _LINES_OF_STEPS, _LINES_A_PITCH_OF_STEPS
-        count[i] = min(max(np.ceil(a_pitch * (high[i] - low[i]) / taxels.pitch[i]), least), most)
+        count[i] = min(max(np.ceil(a_pitch * (high[i] - low[i]) / taxels.pitch[i]), least), most) * finer
     u = np.linspace(low[0], high[0], int(count[0]) + 1)
     return u, np.linspace(low[1], high[1], int(count[1]) + 1)
 
@@ -359,19 +374,22 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
     carried = Carried(np.zeros((1, 1)), np.zeros((2, 1)), low[:1].copy(), low[:1].copy())
     if beside(face, load) or (high <= low).any():
         return carried, 0.0, True
-    parts, there, sunk, straight, fine, growth = body, pose, 0.0, 0.0, False, 1.0
+    parts, there, sunk, straight, fine, growth, finer, rough = body, pose, 0.0, 0.0, False, 1.0, 1.0, 0.0
     for _ in range(_SEARCHES):
         u, v = np.linspace(low[0], high[0], _SEARCH + 1), np.linspace(low[1], high[1], _SEARCH + 1)
         if fine:
-            u, v = fine_lines(face, taxels, low, high, len(body.kind) > 1)
-            carried, met, there, sunk, straight = press_cells(face, taxels, parts, there, load, u, v, sunk)
+            u, v = fine_lines(face, taxels, low, high, len(body.kind) > 1, finer)
+            carried, met, there, sunk, straight = press_cells(
+                face, taxels, parts, there, load, u, v, sunk, sunk
+            )
         else:
-            carried, met, there, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0)
+            carried, met, there, sunk, straight = press_cells(face, taxels, body, pose, load, u, v, 0.0, sunk)
         size, cell = high - low, np.array([u[1] - u[0], v[1] - v[0]])
-        first, last = np.full(2, np.inf), np.full(2, -np.inf)
+        first, last, count = np.full(2, np.inf), np.full(2, -np.inf), 0
         for column in range(len(u) - 1):
             for row in range(len(v) - 1):
                 if carried.forces[column, row] != 0:
+                    count += 1
                     first[0], last[0] = min(first[0], column), max(last[0], column)
                     first[1], last[1] = min(first[1], row), max(last[1], row)
         if last[0] < 0:  # too small to be seen
@@ -392,9 +410,12 @@ def carry(face: Face, taxels: Taxels, body: Body, pose: Pose, load: Load) -> tup
             return carried, 0.0, True
         if (high - low < size / 2).any():
             growth = _AGAIN
+        elif fine and count < _FEW and finer < _FINEST and (parts.kind == FACETED).any():
+            finer, rough = min(finer * math.sqrt(_ENOUGH / count), _FINEST), sunk
         elif fine:
             # A body that stands on its rim turns, and sinks, without end: that says nothing about the layer.
-            return carried, straight if load.spreads.any() else sunk, True
+            found = finer == 1 or abs(sunk - rough) <= _ALIKE * abs(sunk)
+            return carried, straight if load.spreads.any() else sunk, found
         else:
             fine, growth = True, _AGAIN
             low, high = widen(face, body, there, sunk, met, low, high)

@@ -82,7 +82,7 @@ def test_the_convex_parts_of_a_letter_are_one_letter(name, tilt):
     def gap(x, y):
         return np.where(within(letter.contours, x / np.cos(tilt), -y), (5 - x) * np.tan(tilt), np.inf)
 
-    truth, *_ = springs(PAD, gap, reading.force, fine=0.02, beyond=16)
+    truth, *_ = springs(PAD, gap, reading.force, fine=0.013, beyond=14)
     assert errors(reading.kpa, truth)[1] < 0.01
 
 
@@ -269,18 +269,32 @@ def box_of(rng):
     return '<geom type="box" size="{}" euler="{}" pos="{}"/>'.format(*words), ""
 
 
+def mesh_of_corners(corners, turn="0 0 0", place="0 0 0"):
+    """Write the hull of corners (n, 3) m: MJCF of a geom, and its asset."""
+    asset = f'<mesh name="m" vertex="{" ".join(map(str, np.ravel(corners)))}"/>'
+    return f'<geom type="mesh" mesh="m" euler="{turn}" pos="{place}"/>', asset
+
+
+def turned_mesh(rng, corners, off):
+    turn, place = rng.uniform(-180, 180, 3), rng.uniform(-off, off, 2)
+    return mesh_of_corners(corners, " ".join(map(str, turn)), " ".join(map(str, [*place, 0])))
+
+
 def hull_mesh(rng):
     """Draw the hull of points on an ellipsoid, turned anyhow."""
     corners = rng.normal(size=(rng.integers(6, 60), 3))
     corners *= rng.uniform(0.001, 0.004, 3) / np.linalg.norm(corners, axis=1)[:, None]
-    turn, place = rng.uniform(-180, 180, 3), rng.uniform(-0.004, 0.004, 2)
-    words = (" ".join(map(str, values)) for values in (turn, [*place, 0]))
-    asset = f'<mesh name="m" vertex="{" ".join(map(str, corners.ravel()))}"/>'
-    return '<geom type="mesh" mesh="m" euler="{}" pos="{}"/>'.format(*words), asset
+    return turned_mesh(rng, corners, 0.004)
+
+
+def splinter(rng):
+    """Draw the hull of a few points, turned anyhow: most are sharp, and sink in by millimetres."""
+    corners = rng.uniform(-1, 1, (rng.integers(4, 9), 3)) * rng.uniform(0.001, 0.005, 3)
+    return turned_mesh(rng, corners, 0.003)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("drawn", [geoms_of, box_of, hull_mesh])
+@pytest.mark.parametrize("drawn", [geoms_of, box_of, hull_mesh, splinter])
 def test_any_body_presses_as_springs_by_brute_force(drawn):
     rng, off = np.random.default_rng(2), []
     for _ in range(20):
@@ -305,6 +319,32 @@ def test_an_edge_and_a_deep_corner_press_as_springs_do(box, force):
     reading, right = pressed(f'<geom type="box" {box}/>', force, fine=0.05)
     assert reading.found
     assert errors(reading.kpa, right)[1] < 0.02
+
+
+@pytest.mark.parametrize(
+    ("corners", "force"),
+    [
+        (
+            [(-0.2, -3.6, 0.9), (0.9, -3.3, 3.6), (4.8, -0.3, 0), (-2.4, -4.3, 3.3)],
+            0.3,
+        ),  # narrower than cells
+        ([(2.6, 0.1, 1.6), (1.4, 1.1, 0.5), (3.6, -0.2, 0), (6.7, -1.5, 4.2)], 3.0),  # 3 mm deep, on a needle
+    ],
+)
+def test_a_splinter_presses_as_springs_do(corners, force):
+    geom, asset = mesh_of_corners(np.array(corners) / 1e3)
+    reading, right = pressed(geom, force, fine=0.05, assets=asset)
+    assert reading.found
+    assert errors(reading.kpa, right)[1] < 0.03
+
+
+def test_a_reading_under_a_razors_edge_is_marked():
+    """Of 0.01 mm, which no lattice resolves."""
+    geom, asset = mesh_of_corners(np.array([(-4, -3, 0), (4, 3, 0.3), (0, 0.005, 3), (0, -0.005, 3)]) / 1e3)
+    with pytest.warns(UserWarning, match="gives way"):
+        reading = settle(geom, assets=asset)[2]
+    assert not reading.found
+    assert "not all that touches was found" in str(reading)
 
 
 def test_an_arm_without_a_contact_at_its_low_end_is_carried_by_the_layer_there():
