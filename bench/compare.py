@@ -106,8 +106,8 @@ def what_to_align(base: Run, new: Run) -> str:
     words = []
     for name in _unlike(*asked):
         field, _, inner = name.partition(".")
-        if field in fields and field not in base.kind.of_method:
-            words.append(f"{(*flags_of(field, fields[field]), field)[0]} {inner}".strip())
+        if field in fields and field not in base.kind.of_method and (flags := flags_of(field, fields[field])):
+            words.append(f"{flags[0]} {inner}".strip())
     if not words:
         scans = (flat(run.about.get("scan", {}).get("options", {})) for run in (base, new))
         words = [f"--scan-set {name}" for name in _unlike(*scans)]
