@@ -78,15 +78,12 @@ def _write(folder: Folder, inside: Path) -> None:
         scripts=("report/assets/sorting.js",),
         styles=("report/assets/page.css", f"{_ASSETS}leaderboard.css"),
         title="tactsim leaderboard", version=version("tactsim"), folder=folder, level=f"{LEVEL:g}",
-        heading=heading, cell=cell, rank=rank_words, drawn=time_picture, command=command, facts=_facts, place=_place,
+        heading=heading, cell=cell, rank=rank_words, drawn=time_picture, command=command, facts=_facts,
+        place=lambda one: f"bundles/{quote(one.path.name)}",
         machines=lambda of: list(dict.fromkeys(_machine(one) for one in of.ranked)),
     )  # fmt: skip
     write_text(inside / "index.html", page)
     write_text(inside / _MARK, "A static site, made by `bench leaderboard`, which may replace this folder.\n")
-
-
-def _place(one: Entrant) -> str:
-    return f"bundles/{quote(one.path.name)}"
 
 
 def time_picture(of: Standings) -> Markup | None:

@@ -383,10 +383,11 @@ class Screen:
 
     def _pictures(self, view: PadView, pose: FloatArray, width: int, height: int) -> Table:
         """Draw where to press, and beside it what the pad feels and felt last, in `width` x `height` characters."""
-        session, reach = self._session, _reach(self._session.pad)
+        session, pad = self._session, self._session.pad
+        reach = max(_REACH, *(float(edges.max()) + _BESIDE for edges in (pad.column_edges, pad.row_edges)))
         # mm of a character along x; along y it is twice as much.
         cell = max(1.0, reach / height, 2 * reach / (_DRAWN * width))
-        drawing = placement(pose, session.pad, self._covers, self._from_behind, reach, cell)
+        drawing = placement(pose, pad, self._covers, self._from_behind, reach, cell)
         drawing.right_crop()  # the last line's end
         across = width - int(2 * reach / cell) - 3
         now, last = (
@@ -409,7 +410,3 @@ class Screen:
         table.add_column(no_wrap=True, overflow="crop")
         table.add_row(drawing, now)
         return table
-
-
-def _reach(pad: Pad) -> float:
-    return max(_REACH, float(pad.column_edges.max()) + _BESIDE, float(pad.row_edges.max()) + _BESIDE)
