@@ -69,7 +69,8 @@ class PadReading:
         if self.force > self.outside + _NONE * self.force:
             line += f"; taxel {int(self.kpa.argmax())} reads most, {self.kpa.max():.1f} kPa"
         if self.outside > _NONE * self.force:
-            line += f"; {self.outside:.2f} N acts beside the pad, up to {self.beside_mm:.1f} mm from its rim"
+            line += f"; {self.outside:.2f} N acts beside the pad"
+            line += f", up to {self.beside_mm:.1f} mm from its rim" if self.beside_mm >= 0.05 else ""
         return line if self.found else line + "; not all that touches was found"
 
 

@@ -244,6 +244,7 @@ def test_a_load_beside_the_pad_is_named_by_its_distance():
     assert reading.outside == pytest.approx(reading.force, rel=1e-6)
     assert reading.beside_mm == pytest.approx(5, abs=0.05)
     assert str(reading).endswith(f"{reading.force:.2f} N acts beside the pad, up to 5.0 mm from its rim")
+    assert str(replace(reading, beside_mm=0.01)).endswith("N acts beside the pad")
     _, _, inside = rest('type="box" size=".001 .001 .003"', x=0, height=3.1, face=".03 .02 .005")
     assert inside.beside_mm == 0
     assert "reads most" in str(inside)
