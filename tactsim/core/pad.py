@@ -66,8 +66,11 @@ class Pad(Settings):
     @model_validator(mode="after")
     def _taxels_do_not_overlap(self) -> Pad:
         if self.taxel_width > self.pitch_x or self.taxel_height > self.pitch_y:
-            taxel, pitch = f"{self.taxel_width:g} x {self.taxel_height:g}", f"{self.pitch_x:g} x {self.pitch_y:g}"
-            raise ValueError(f"taxels overlap: taxel_width x taxel_height is {taxel} mm, the pitch {pitch} mm")
+            size = f"{self.taxel_width:g} x {self.taxel_height:g} mm"
+            pitch = f"{self.pitch_x:g} x {self.pitch_y:g} mm"
+            raise ValueError(
+                f"taxels overlap: taxel_width, taxel_height are {size}, pitch_x, pitch_y {pitch}"
+            )
         if self.seam is not None and self.columns % 2:
             raise ValueError('a seam in the middle needs an even number of columns; give seam = "none"')
         return self

@@ -236,7 +236,12 @@ class TouchEnv(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Hide another object. One seed hides the same object and gives the same luck; options: none are known."""
+        """Hide another object. One seed hides the same object and gives the same luck.
+
+        options: none are known; raises InputError for any.
+        """
+        if options:
+            raise InputError(f"an episode is chosen by its seed alone, and knows no options; got {options}")
         super().reset(seed=seed)
         self._check_open()
         # The estimator's seed is drawn with and without one, so that the object and its readings are the same.
