@@ -248,7 +248,7 @@ def test_a_wrong_action_is_refused_in_one_line_and_touches_nothing(change, said)
     with pytest.raises(InputError, match=said) as caught:
         env.step(change(env.touch(POSES[0])))
     assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="knows no options; got .*label"):
+    with pytest.raises(InputError, match="knows no options"):
         env.reset(seed=1, options={"label": "A"})
     assert same(env.step(env.touch(POSES[1]))[0], seen[2])
 
