@@ -323,9 +323,8 @@ class Bound:
 def find_bound(config: RunConfig, *, jobs: int = 1, cache: bool = True, progress: Progress = silent) -> Bound:
     """Do exact Bayes on the trials that `config` asks for, and bound their errors.
 
-    Where exact Bayes does not know the press there is the Cramer-Rao bound alone.
-    Raises InputError if the readings do not say how they were pressed, or if the bound does not know the sensor or how
-    the object moves.
+    Where exact Bayes does not know the press there is the Cramer-Rao bound alone. Raises InputError if the readings do
+    not say how they were pressed, or if the bound does not know the sensor or how the object moves.
     """
     check_motion(config.moving)  # before the work, not after it
     no_bayes = ""

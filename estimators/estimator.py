@@ -126,9 +126,8 @@ def proposes_none(name: str) -> InputError:
 class Estimator(ABC):
     """Recognise and localise one object from a sequence of readings.
 
-    A subclass names its `options_type`, its `budget` and whether it `draws`, and implements `fit`, `reset`,
-    `update` and `estimate`. The calls come in that order; `reset` starts a new sequence and keeps what was
-    fitted.
+    A subclass names its `options_type`, its `budget` and whether it `draws`, and implements `fit`, `reset`, `update`
+    and `estimate`. The calls come in that order; `reset` starts a new sequence and keeps what was fitted.
     """
 
     options_type: type[Options] = Options

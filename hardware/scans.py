@@ -191,8 +191,7 @@ def wrong_taxels(idle: Sequence[FloatArray], presses: FloatArray) -> dict[int, s
     idle: readings (taxels,) between presses. presses: (n, taxels) the readings of the presses. A taxel is stuck if it
     never changes, neither idle nor pressed, though the others do; it is always loaded if it reads a quarter of the
     highest taxel of a press nearly always, while the pad is idle and in presses: not where a long light touch only was
-    taken for an idle pad. Without 40 idle readings nothing is known of any. Raises InputError
-    if none ever changes.
+    taken for an idle pad. Without 40 idle readings nothing is known of any. Raises InputError if none ever changes.
     """
     rested = np.array(idle).reshape(-1, presses.shape[1])
     felt = rested.sum(axis=1)
@@ -352,9 +351,8 @@ def scan_of_sessions(
     """Make one scan of guided sessions: each press is the mean of its readings.
 
     Taxels that one of the calibrations leaves out, and those that are wrong while the pad is idle, are left out
-    everywhere. moments, at_load: of training and of test presses, as `scan_of_intervals` has them.
-    Raises InputError if there is no press in them, their pads differ, two are the same recording, or moments are wanted
-    and none is found.
+    everywhere. moments, at_load: of training and of test presses, as `scan_of_intervals` has them. Raises InputError if
+    there is no press in them, their pads differ, two are the same recording, or moments are wanted and none is found.
     """
     sessions = [read_session(path) for path in paths]
     first: dict[str, str | Path] = {}

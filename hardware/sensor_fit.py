@@ -65,18 +65,17 @@ class SensorFit:
     square of what is left unexplained. held_out, held_out_placed: (n, taxels) readings predicted for each group of
     presses by a fit to the others, each press where it is stated (but for what all are off) or where it seems to be.
 
-    tilts: (n, 2) rad about the pad's x and y; tilt_offset: (2,) their mean; placement_tilt: their standard
-    deviation; all for `stiffness` (kPa/mm) and `wrist` (N mm/rad, infinite if rigid). lean: kPa/mm, stiffness
-    times placement_tilt, which readings do tell. tilt_gain: by how much the logarithm of the likelihood rises
-    with tilts and a wrist that gives way; they are not believed, and 0, if that is little.
-    yielding, yielding_low, yielding_high: kPa/mm per N mm/rad, stiffness over wrist and its 95 % interval; an
-    end of the interval is 0 or infinite if the readings do not bound it. There is none where tilts lift many faces from
-    the pad with a side: a linearised fit is biased then. stiffness_low, stiffness_high: kPa/mm,
-    a 95 % interval of the profile likelihood, in which tilts and wrist follow; 0 or infinite likewise. held:
-    "layer" or "wrist", whose stiffness was taken as it is, so that the other's follows from their ratio.
-    lifted: whether tilts lift a side of many faces from the pad: then tilt, layer and wrist are rough figures.
-    blanks: presses that do not come to rest in the fitted simulation, which says nothing of them.
-    grown, grown_range: mm, by which each outline seems to lie outside its drawing, and 95 % intervals.
+    tilts: (n, 2) rad about the pad's x and y; tilt_offset: (2,) their mean; placement_tilt: their standard deviation;
+    all for `stiffness` (kPa/mm) and `wrist` (N mm/rad, infinite if rigid). lean: kPa/mm, stiffness times
+    placement_tilt, which readings do tell. tilt_gain: by how much the logarithm of the likelihood rises with tilts and
+    a wrist that gives way; they are not believed, and 0, if that is little. yielding, yielding_low, yielding_high:
+    kPa/mm per N mm/rad, stiffness over wrist and its 95 % interval; an end of the interval is 0 or infinite if the
+    readings do not bound it. There is none where tilts lift many faces from the pad with a side: a linearised fit is
+    biased then. stiffness_low, stiffness_high: kPa/mm, a 95 % interval of the profile likelihood, in which tilts and
+    wrist follow; 0 or infinite likewise. held: "layer" or "wrist", whose stiffness was taken as it is, so that the
+    other's follows from their ratio. lifted: whether tilts lift a side of many faces from the pad: then tilt, layer and
+    wrist are rough figures. blanks: presses that do not come to rest in the fitted simulation, which says nothing of
+    them. grown, grown_range: mm, by which each outline seems to lie outside its drawing, and 95 % intervals.
     """
 
     psf_sigma: float

@@ -31,10 +31,9 @@ def placement(
 ) -> Text:
     """Draw where the object lies on the pad: `#` on taxels that are read, `+` beside them, `.` the pad.
 
-    covers(points): which of the points (n, 2) mm of the object's frame lie on the object; None draws its
-    origin `o` and its x axis `->` instead. from_behind: the object is pressed face down and seen from
-    its back, so left and right are exchanged. The drawing reaches `reach` mm to all sides; a character is
-    `cell` mm wide and twice as high.
+    covers(points): which of the points (n, 2) mm of the object's frame lie on the object; None draws its origin `o` and
+    its x axis `->` instead. from_behind: the object is pressed face down and seen from its back, so left and right are
+    exchanged. The drawing reaches `reach` mm to all sides; a character is `cell` mm wide and twice as high.
     """
     size = np.array([cell, 2 * cell])
     columns, rows = (int(2 * reach / side + 1e-9) for side in size)

@@ -39,10 +39,9 @@ _SEEN_OF_ERROR = 10
 class Entrant:
     """A bundle in the standings of its task.
 
-    label: the method, with the file's name if the method is there twice. number: of its colour and marker, the same
-    for a method on all tasks. status: DONE, or why there is no score. check: what `bench verify` found; None if it was
-    not asked. rank: the best and the worst that the tests leave; None without a score or the
-    figure that ranks.
+    label: the method, with the file's name if the method is there twice. number: of its colour and marker, the same for
+    a method on all tasks. status: DONE, or why there is no score. check: what `bench verify` found; None if it was not
+    asked. rank: the best and the worst that the tests leave; None without a score or the figure that ranks.
     """
 
     path: Path
@@ -80,10 +79,9 @@ class Entrant:
 class Standings:
     """A task with all who entered it, on the same data.
 
-    task, data: the task's name, and the hash of its readings. known: the task as this version of tactsim has it;
-    None if its name or its data are others. readings: of a trial. scored: the figures that the task names. ranked:
-    those with a score, the best first. unranked: the others. ranking: how all pairs of `ranked` compare; None without
-    any.
+    task, data: the task's name, and the hash of its readings. known: the task as this version of tactsim has it; None
+    if its name or its data are others. readings: of a trial. scored: the figures that the task names. ranked: those
+    with a score, the best first. unranked: the others. ranking: how all pairs of `ranked` compare; None without any.
     """
 
     task: str

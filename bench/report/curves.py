@@ -171,10 +171,9 @@ def _recognition(replayed: Sequence[Replayed]) -> Iterator[Sequence[Any]]:
 class Point:
     """One run in the plane of time and error, after the readings that all runs of its group have.
 
-    seconds: computing time of a recognition. error, low, high: mm, mean placement error where the
-    letter is right, with the 95 % interval of the mean; None where no letter is right. settled: the
-    reading by which 95 % of the trials are and stay right, None if later. *_frontier: whether no
-    other run is at once as fast and as good.
+    seconds: computing time of a recognition. error, low, high: mm, mean placement error where the letter is right, with
+    the 95 % interval of the mean; None where no letter is right. settled: the reading by which 95 % of the trials are
+    and stay right, None if later. *_frontier: whether no other run is at once as fast and as good.
     """
 
     entry: Pooled

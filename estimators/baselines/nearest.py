@@ -96,8 +96,7 @@ class Nearest(ReadingClassifier):
     def fit(self, scan: Scan) -> None:
         """Keep the training readings, in the order of their letters, and learn the kernel's width.
 
-        The width is the rms difference of a taxel between a training reading and the nearest other one of its
-        letter.
+        The width is the rms difference of a taxel between a training reading and the nearest other one of its letter.
         """
         train = scan.where("train")
         check_order(len(train) > 0, "a train reading", "fit")

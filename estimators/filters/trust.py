@@ -108,12 +108,11 @@ class Trust:
     """The weight of the log-likelihood of a sequence of n readings, 1 / (own + growth ln n + shared n).
 
     own: how much too small the likelihood says the variance of the error of one reading is, as a factor. growth: how
-    much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one.
-    shared: the variance of the error that all readings have in common, the map's, in the same unit: that of the mean of
-    its training readings. What grows is how maps err in detail, which is unlike from place to place and not shared.
-    few, many: what the jackknife finds of the variance of one reading's error in sequences of few and of `longest`
-    left-out readings, as shares of what it is, 0 if it was not tried. In a belief of few readings each of them has a
-    large part.
+    much more for e times as many readings: a narrow belief rests on finer features of the maps than a wide one. shared:
+    the variance of the error that all readings have in common, the map's, in the same unit: that of the mean of its
+    training readings. What grows is how maps err in detail, which is unlike from place to place and not shared. few,
+    many: what the jackknife finds of the variance of one reading's error in sequences of few and of `longest` left-out
+    readings, as shares of what it is, 0 if it was not tried. In a belief of few readings each of them has a large part.
     """
 
     own: float = 1.0

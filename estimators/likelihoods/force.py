@@ -43,8 +43,7 @@ class ForceLikelihood(TaxelSum):
     a reading is divided by its own scale, which is nearly that pressure. The quotient is learned place by place
     from the training readings, and so is how far readings deviate from it.
 
-    gain: (taxels,) of mean 1. least: kPa, the smallest scale; readings that touch nothing have it. mosaics:
-    by letter.
+    gain: (taxels,) of mean 1. least: kPa, the smallest scale; readings that touch nothing have it. mosaics: by letter.
     """
 
     of_pressures, of_classes = True, False

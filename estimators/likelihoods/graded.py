@@ -35,10 +35,9 @@ _COUNTS = 0.5
 class GradedLikelihood(TaxelSum):
     """p(grade | interpolated log-odds, class of the reading's scale), counted over the training readings.
 
-    A reading is divided by its own scale, so that its load does not matter, and its taxels are graded by the
-    quotient. Grades are finer than the three classes of eq. 3. A curve that bends all pressures alike moves counts from
-    grade to grade, and makes no prediction wrong. Light presses are noisier than heavy ones; hence the classes of
-    scales.
+    A reading is divided by its own scale, so that its load does not matter, and its taxels are graded by the quotient.
+    Grades are finer than the three classes of eq. 3. A curve that bends all pressures alike moves counts from grade to
+    grade, and makes no prediction wrong. Light presses are noisier than heavy ones; hence the classes of scales.
 
     least: kPa, the smallest scale. bounds: (classes - 1,) kPa, between the classes.
     """

@@ -116,8 +116,7 @@ class TiltedMosaics:
     def left_out(self, label: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Give the misfits of a letter's training readings (n,) each: near, far, and looked up elsewhere.
 
-        near and far as in `Foretold`. Elsewhere is where another reading was taken, as far away in the list as can
-        be.
+        near and far as in `Foretold`. Elsewhere is where another reading was taken, as far away in the list as can be.
         """
         out = self._out[label]
         elsewhere = np.roll(out.readings, len(out.readings) // 2, axis=0)

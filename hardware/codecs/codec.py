@@ -102,16 +102,15 @@ class Frame:
 class Codec(ABC, Generic[Packet]):
     """Decode what one kind of device says, and for an emulator encode it.
 
-    taxels: values in a frame. longest: bytes of the longest packet; with that many bytes `decode` always
-    moves on, so a buffer never grows beyond it. before: bytes at a packet's beginning that end the one before, so
-    its own bytes lie that much further on. tick_s: s, one tick of the device's clock. tick_wrap: ticks
-    after which the clock starts again, or None. index_wrap: the same of the frame counter. speaks: whether
-    the device sends every frame unasked, so that a gap in the frame counter means lost frames.
-    index_common: whether the parts of a pad may count their frames together, so that equal counters mean
-    one moment. clock_common: whether all devices on a link tell the time of one clock. packets: in how many
-    packets a frame comes. start: bytes that make the device speak, sent once; request: bytes that ask for one
-    frame; request_every_s: s from one request to the next, at least. title: what the device says before its
-    first frame. mark: bytes that every frame begins or ends with.
+    taxels: values in a frame. longest: bytes of the longest packet; with that many bytes `decode` always moves on, so a
+    buffer never grows beyond it. before: bytes at a packet's beginning that end the one before, so its own bytes lie
+    that much further on. tick_s: s, one tick of the device's clock. tick_wrap: ticks after which the clock starts
+    again, or None. index_wrap: the same of the frame counter. speaks: whether the device sends every frame unasked, so
+    that a gap in the frame counter means lost frames. index_common: whether the parts of a pad may count their frames
+    together, so that equal counters mean one moment. clock_common: whether all devices on a link tell the time of one
+    clock. packets: in how many packets a frame comes. start: bytes that make the device speak, sent once; request:
+    bytes that ask for one frame; request_every_s: s from one request to the next, at least. title: what the device says
+    before its first frame. mark: bytes that every frame begins or ends with.
     """
 
     taxels: int

@@ -46,8 +46,7 @@ _BEHIND = 1.0  # s: older frames are dropped while the host does not read
 class Emulated(ABC):
     """The emulated end of a device on one port. Times are s since the emulation began.
 
-    device: the description that a host would use. pressures(now): (taxels,) kPa on the pad. rate: frames a
-    second.
+    device: the description that a host would use. pressures(now): (taxels,) kPa on the pad. rate: frames a second.
     """
 
     def __init__(self, device: Device, pressures: Pressures, rate: float) -> None:

@@ -1,8 +1,7 @@
 """Read untrusted text, TOML and JSON; every fault is an InputError.
 
-A document is limited in size and in depth of nesting. Its numbers are finite and have at most 64 bits, as
-TOML prescribes. So later computations neither overflow nor exhaust the stack, and every value can be written
-out again.
+A document is limited in size and in depth of nesting. Its numbers are finite and have at most 64 bits, as TOML
+prescribes. So later computations neither overflow nor exhaust the stack, and every value can be written out again.
 """
 
 from __future__ import annotations

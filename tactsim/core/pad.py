@@ -120,9 +120,8 @@ class Pad(Settings):
     def grid_lines(self, cells_per_taxel: int, gap_cells: bool = False) -> tuple[FloatArray, FloatArray]:
         """Divide the surface that carries load into cells: returns their edges along x and along y, mm.
 
-        Each taxel with its share of the gaps around it makes `cells_per_taxel` squared cells.
-        With `gap_cells` the edges of taxels are lines too, so that a cell lies in one taxel or
-        in none.
+        Each taxel with its share of the gaps around it makes `cells_per_taxel` squared cells. With `gap_cells` the
+        edges of taxels are lines too, so that a cell lies in one taxel or in none.
         """
         columns = _edges(self.columns, self.unread_columns, self.pitch_x, self.taxel_width, self.seam)
         rows = _edges(self.rows, self.unread_rows, self.pitch_y, self.taxel_height, None)

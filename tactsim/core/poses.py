@@ -1,8 +1,7 @@
 """Poses in the plane: arrays [x, y, theta] in mm and rad that stand for rigid transforms, SE(2).
 
-`a_in_b` maps points given in frame a to frame b, the paper's T_a^b. The paper's frames are the
-sensor S, the object O and the robot R: sensor_in_object = robot_in_object * sensor_in_robot
-(T_S^O = T_R^O T_S^R, section III).
+`a_in_b` maps points given in frame a to frame b, the paper's T_a^b. The paper's frames are the sensor S, the object O
+and the robot R: sensor_in_object = robot_in_object * sensor_in_robot (T_S^O = T_R^O T_S^R, section III).
 """
 
 from __future__ import annotations

@@ -13,11 +13,10 @@ from tactsim.core.poses import FloatArray
 class Reading:
     """The pressures on all taxels of a pad at one moment.
 
-    pressures: (taxels,) kPa, in the pad's order of taxels. host_time: s on the clock of the
-    computer that read it; only differences have a meaning. device_time: s on the device's own clock,
-    with overflows undone, or None if it has none. index: the device's frame counter as sent, or None.
-    after_loss: whether a link was lost, or the device began anew, since the reading before; the two must
-    then not be taken for one press.
+    pressures: (taxels,) kPa, in the pad's order of taxels. host_time: s on the clock of the computer that read it; only
+    differences have a meaning. device_time: s on the device's own clock, with overflows undone, or None if it has none.
+    index: the device's frame counter as sent, or None. after_loss: whether a link was lost, or the device began anew,
+    since the reading before; the two must then not be taken for one press.
 
     Raises InputError if a pressure is not a finite number of a sensible size.
     """

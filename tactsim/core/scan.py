@@ -33,17 +33,15 @@ MOST_TURNED = 4 * np.pi  # rad: two turns each way are more than a wrist makes
 class Scan:
     """Readings of objects pressed against a pad at known poses, in the plane; `SpaceScan` is one in space.
 
-    readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of
-    the objects. split: (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the
-    sensor frame. meta: how it was made, a JSON object; `meta["objects"][label]` holds, where known,
-    `symmetry` (order of the rotational symmetry, 0 for a disc), `centre` ([x, y] mm) and
-    `inertia_over_mass` (mm^2). `meta["unit"]` is the unit of the readings if it is not kPa, `meta["licence"]` the
-    licence by its SPDX name; `about` collects what a scan says of itself.
+    readings: (n, taxels) kPa. poses: (n, 3) sensor_in_object [mm, mm, rad]. labels: (n,) names of the objects. split:
+    (n,) "train" or "test". taxel_xy: (taxels, 2) mm, the taxels' centres in the sensor frame. meta: how it was made, a
+    JSON object; `meta["objects"][label]` holds, where known, `symmetry` (order of the rotational symmetry, 0 for a
+    disc), `centre` ([x, y] mm) and `inertia_over_mass` (mm^2). `meta["unit"]` is the unit of the readings if it is not
+    kPa, `meta["licence"]` the licence by its SPDX name; `about` collects what a scan says of itself.
 
-    A scan may also hold the images of each press on its way to rest: sequence: (n, frames, taxels) kPa,
-    float32. sequence_times: (frames,) s since the letter began to move, the same for all presses; a press
-    that rests earlier keeps its last image until then. sequence_force: (n, frames) N, the contact force,
-    float32. All three or none.
+    A scan may also hold the images of each press on its way to rest: sequence: (n, frames, taxels) kPa, float32.
+    sequence_times: (frames,) s since the letter began to move, the same for all presses; a press that rests earlier
+    keeps its last image until then. sequence_force: (n, frames) N, the contact force, float32. All three or none.
 
     loads: (n,) N, with how much force each press was made, as a gauge said or as it was set; NaN where nobody knows.
     None if no press's is known.

@@ -1,10 +1,9 @@
 """The engine `bed`: springs with exact areas carry the letter, and MuJoCo solves the balance of what may move.
 
-A rigid letter can move along the pad's normal, and where the wrist gives way it can tilt about two axes. Its
-pose at rest is that of least energy, E = k/2 int d^2 + wrist/2 |tilt - nominal|^2 - F z, d being the depth
-where it is above 0. E is convex, and a step of Newton's method towards its minimum is one long implicit time
-step of MuJoCo: it solves (stiffness + m / h^2) dx = imbalance, and h is chosen so long that the inertia
-m / h^2 is negligible.
+A rigid letter can move along the pad's normal, and where the wrist gives way it can tilt about two axes. Its pose at
+rest is that of least energy, E = k/2 int d^2 + wrist/2 |tilt - nominal|^2 - F z, d being the depth where it is above 0.
+E is convex, and a step of Newton's method towards its minimum is one long implicit time step of MuJoCo: it solves
+(stiffness + m / h^2) dx = imbalance, and h is chosen so long that the inertia m / h^2 is negligible.
 
 The springs of a step stand for the part of the face that touches when the step begins. After it the face is
 clipped again where its depth is 0, so that the part is exact to within a cell. A press is at rest when the

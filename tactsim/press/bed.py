@@ -42,8 +42,7 @@ ROUNDING_LEVELS = 16  # levels of a rounded edge; more change none by 0.3 % of t
 class Level:
     """A flat region of a face.
 
-    edges: (n, 2, 2) mm, of its closed contours (`clip.edges_of`). gap: mm by which it lies behind the
-    foremost region.
+    edges: (n, 2, 2) mm, of its closed contours (`clip.edges_of`). gap: mm by which it lies behind the foremost region.
     """
 
     edges: FloatArray
@@ -108,11 +107,10 @@ class Springs(NamedTuple):
 class Bed:
     """The covered cells of many presses, one row per contact, ordered by press, level and cell.
 
-    level: (contacts,) index of the level that touches. cell: (contacts,) row * columns +
-    column in the grid of cells. centre: (contacts, 2) mm, of the cell in the sensor frame. centroid:
-    (contacts, 2) mm, of the part that touches. area: (contacts,) mm^2, of that part. gap: (contacts,) mm.
-    moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part about the cell's centre (`clip.POWERS`).
-    start: (presses + 1,) where each press's rows begin.
+    level: (contacts,) index of the level that touches. cell: (contacts,) row * columns + column in the grid of cells.
+    centre: (contacts, 2) mm, of the cell in the sensor frame. centroid: (contacts, 2) mm, of the part that touches.
+    area: (contacts,) mm^2, of that part. gap: (contacts,) mm. moments: (EVEN_MOMENTS or MOMENTS, contacts) of the part
+    about the cell's centre (`clip.POWERS`). start: (presses + 1,) where each press's rows begin.
     """
 
     level: NDArray[np.intp]

@@ -1,13 +1,11 @@
 """Clip outlines with a grid of cells: exact areas and moments of what covers each cell.
 
-A region's area and its first to third moments follow from its boundary alone (Green's theorem). So an
-outline is cut where it crosses a grid line, and each piece is added to the cell in which it lies and to
-the cells on its right, as a rasteriser does. Nothing is sampled: the moments are exact for any polygon,
-convex or not, with or without holes.
+A region's area and its first to third moments follow from its boundary alone (Green's theorem). So an outline is cut
+where it crosses a grid line, and each piece is added to the cell in which it lies and to the cells on its right, as a
+rasteriser does. Nothing is sampled: the moments are exact for any polygon, convex or not, with or without holes.
 
-Of a tilted face only the part on one side of a line touches. The outline is cut there too, and what lies
-beyond is moved onto the line. The moved pieces run to and fro along it and close the outline without
-enclosing anything.
+Of a tilted face only the part on one side of a line touches. The outline is cut there too, and what lies beyond is
+moved onto the line. The moved pieces run to and fro along it and close the outline without enclosing anything.
 """
 
 from __future__ import annotations
@@ -53,12 +51,11 @@ def cell_moments(
 ) -> FloatArray:
     """Integrate over the part of each cell that a posed outline covers.
 
-    edges: (edges, 2, 2) mm, outer contours counter-clockwise, holes clockwise. poses: (n, 3), the
-    outline's frame in the grid's. x_lines (columns + 1,), y_lines (rows + 1,): the grid, mm.
-    plane: (n, 2, 2), by which the posed outline is mapped further, as a tilt foreshortens it.
-    depth: (n, 3) [c, a, b]: only what lies where c + a x + b y > 0 counts; without it everything does.
-    moments: EVEN_MOMENTS or MOMENTS. Returns (moments, n, rows, columns): area mm^2, first moments mm^3,
-    second mm^4 and third mm^5 about each cell's centre, in the order of POWERS.
+    edges: (edges, 2, 2) mm, outer contours counter-clockwise, holes clockwise. poses: (n, 3), the outline's frame in
+    the grid's. x_lines (columns + 1,), y_lines (rows + 1,): the grid, mm. plane: (n, 2, 2), by which the posed outline
+    is mapped further, as a tilt foreshortens it. depth: (n, 3) [c, a, b]: only what lies where c + a x + b y > 0
+    counts; without it everything does. moments: EVEN_MOMENTS or MOMENTS. Returns (moments, n, rows, columns): area
+    mm^2, first moments mm^3, second mm^4 and third mm^5 about each cell's centre, in the order of POWERS.
     """
     count, rows, columns = len(poses), len(y_lines) - 1, len(x_lines) - 1
     ends = transform(poses, edges.reshape(-1, 2))

@@ -234,9 +234,8 @@ def _rest(
 def _begin(stage: _Scene, depth: float, spring: float, press: PressOptions, compression: float) -> None:
     """Step once from `depth` m, each contact a spring of `spring` / m, under a force of 1.
 
-    Forces are in units of the press's, as MuJoCo takes what is below 1e-15 for nothing. The springs are
-    taken at the end of the step (the docstring of `scene` has the equations), which is so long that the mass
-    does not matter.
+    Forces are in units of the press's, as MuJoCo takes what is below 1e-15 for nothing. The springs are taken at the
+    end of the step (the docstring of `scene` has the equations), which is so long that the mass does not matter.
     """
     model, data = stage.model, stage.data
     step = math.sqrt(_MASS / (_INERTIA * spring))

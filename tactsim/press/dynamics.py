@@ -66,9 +66,8 @@ _BRAKING_SHARE = 1 / 8  # and as a share of the servo's rate, which must follow
 class ForceControl:
     """A controller designed for a mass (kg), a stiffness (N/m) and a force (N); see the module's docstring.
 
-    rate: 1/s. servo: N s/m, the gain D. admittance: m/s per N, the gain G. approach_speed, contact_speed: m/s,
-    the most before and after touch. touch_speed: m/s. braking: 1/s. force: N. ramp: s, from touch to the
-    full set point.
+    rate: 1/s. servo: N s/m, the gain D. admittance: m/s per N, the gain G. approach_speed, contact_speed: m/s, the most
+    before and after touch. touch_speed: m/s. braking: 1/s. force: N. ramp: s, from touch to the full set point.
     """
 
     mass: float

@@ -1,10 +1,9 @@
 """Objects in space: solids that a pad touches from any side, recognised at any pose in SE(3).
 
-Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `symmetry`.
-How it is touched: `press`, by one pad or a hand of several, over `touch_kernels`, into a `scan`.
-How it is recognised: maps of surfaces on `voxels`, what a touch says of a pose (`field`), and `refined`.
-How it is run and scored: `kind`, which the harness finds by name, `score`, `page`. The core imports none of it. Names
-are imported when they are first used.
+Lives here: all that differs from letters in the plane. What is pressed: `catalogue`, `body`, `symmetry`. How it is
+touched: `press`, by one pad or a hand of several, over `touch_kernels`, into a `scan`. How it is recognised: maps of
+surfaces on `voxels`, what a touch says of a pose (`field`), and `refined`. How it is run and scored: `kind`, which the
+harness finds by name, `score`, `page`. The core imports none of it. Names are imported when they are first used.
 """
 
 from importlib import import_module
