@@ -210,7 +210,7 @@ def kernel_folder(package: str) -> Path | None:
 @cache
 def _say_why_it_takes_long(room: str, kept: bool) -> None:
     logging.getLogger(__name__).warning(
-        "compiling the inner loops of %s that this command needs: up to half a minute, or minutes where the machine is "
+        "compiling the inner loops of %s that this command needs: up to a minute, or several where the machine is "
         "busy; %s",
         room,
         "kept for later runs" if kept else "each time, since no cache folder takes it",

@@ -415,6 +415,8 @@ def test_a_users_own_folders_hide_nothing(bench, tmp_path):
     [
         ("COLUMNS=0", "list estimators", None),
         ("COLUMNS=0", "--help", None),
+        ("MPLBACKEND=no_such", "run --letters IL --trials 1 --estimator histogram --out run", None),
+        ("MUJOCO_GL=no_such", "run --letters IL --trials 1 --estimator histogram --out run", None),
         ("NUMBA_DISABLE_JIT=1", "list estimators", None),
         ("NUMBA_DISABLE_JIT=1", "run --letters IL --trials 1", "NUMBA_DISABLE_JIT is set"),
         ("NUMBA_NUM_THREADS=0", "run --letters IL --trials 1",
