@@ -23,7 +23,7 @@ def main() -> NoReturn:
     for size in ("COLUMNS", "LINES"):  # 0 where a terminal does not say: nothing would fit
         if not os.environ.get(size, "").strip("0"):
             os.environ.pop(size, None)
-    for window in ("MPLBACKEND", "MUJOCO_GL"):  # all is drawn into files; one that is not known would be an error
+    for window in ("MPLBACKEND", "MUJOCO_GL"):  # all is drawn into files, and unknown ones are errors
         os.environ.pop(window, None)
     try:  # importing takes long enough to be interrupted
         from tactsim.bench.cli.app import run_app
