@@ -1,16 +1,15 @@
 """None of the known letters: how well the best letter explains what was felt, and how well it should.
 
-Open-set recognition: a filter over the known letters always names one of them. Whether the object is that letter at
-all is told by the misfit of the readings: the root of half of chi^2 beside what the letter's mosaic predicts at the
-best pose (`likelihoods.tilted_mosaic`), compared with that of the letter's own training readings, each looked up in
-mosaics without itself. The root of chi^2 is nearly normal (Fisher 1922), and a few readings at the rim of what was
-trained, which no mosaic foretells, do not make it much wider.
+Open-set recognition: a filter over the known letters always names one of them. Whether the object is that
+letter at all is told by the misfit of the readings, half of chi^2 beside what the letter's mosaic predicts at the
+best pose (`likelihoods.tilted_mosaic`), compared with the misfit of the letter's own training readings, each looked
+up in mosaics without itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +23,7 @@ from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 from tactsim.estimators.options import OpenSetOptions
 
 _HALF_LOG_2PI = math.log(2 * math.pi) / 2
-_LEAST_DEVIATION = 1e-3
+_LEAST_DEVIATION = 1e-3  # nats
 # Letters that are less probable than this beside the most probable one, and all but so many, are not asked.
 _NEGLIGIBLE, _ASKED = 1e-3, 3
 
@@ -33,8 +32,9 @@ _NEGLIGIBLE, _ASKED = 1e-3, 3
 class Misfit:
     """How the misfit of one reading is spread for a letter's own readings, and where chance begins.
 
-    mean, deviation: of the letter's readings. drift: standard deviation of what the mean itself may be off by, for all
-    readings of a sequence together. chance: the mean of readings that are looked up where they were not taken.
+    mean, deviation: nats, of the letter's readings. drift: nats, standard deviation of what the mean itself may be off
+    by, for all readings of a sequence together. chance: nats, the mean of readings that are looked up where they were
+    not taken.
     """
 
     mean: float
@@ -43,7 +43,7 @@ class Misfit:
     chance: float
 
     def log_odds(self, total: float, readings: int) -> float:
-        """Weigh "none" against the letter by the summed misfit of its readings: log p(m | none) / p(m | letter).
+        """Weigh "none" against the letter by the summed misfit (nats) of its readings: log p(m | none) / p(m | letter).
 
         The letter's own sum is taken as normal. For another object the mean misfit of a reading is anything
         between the letter's own and chance, all alike, and the sum is spread about it as widely as the letter's own.
@@ -62,7 +62,7 @@ class OpenSet:
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    mosaics: of all letters that were learned. misfit: by letter, how its own readings fit.
+    mosaics: of all letters that were learned. misfit: by letter, how its own readings fit, at each load.
     """
 
     def __init__(self, options: OpenSetOptions, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -114,8 +114,8 @@ class OpenSet:
             if start is None:
                 continue
             pose = self.mosaics.fitting_pose(label, start, readings, poses)
-            total = float(np.sqrt(self.mosaics.misfits(label, pose, readings, poses)).sum())
-            against.append(math.log(p) - self.misfit[label].log_odds(total, len(readings)))
+            total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
+            against.append(math.log(p) - log_odds(self.misfit[label], total, len(readings)))
         return -float(np.logaddexp.reduce(against))
 
     def _history(self, known: Estimate, path: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -139,18 +139,34 @@ def _likeliest(letter: int, belief: WeightedStates) -> FloatArray | None:
     return belief.state[:, chosen[belief.weights.log[chosen].argmax()]]
 
 
-def learn_misfit(mosaics: TiltedMosaics, label: str) -> Misfit:
-    """Learn how the misfit of a letter's readings is spread, at whatever load they were taken.
+def log_odds(misfits: Sequence[Misfit], total: float, readings: int) -> float:
+    """Weigh "none" against a letter whose presses may be of any of these loads, all alike: `Misfit.log_odds`, averaged.
+
+    The readings of a sequence are taken to be of one load, for it is one hand or machine that presses.
+    """
+    against = [-misfit.log_odds(total, readings) for misfit in misfits]
+    return math.log(len(against)) - float(np.logaddexp.reduce(against))
+
+
+def learn_misfit(mosaics: TiltedMosaics, label: str) -> tuple[Misfit, ...]:
+    """Learn how the misfit of a letter's readings is spread, at each load at which its poses were felt.
 
     A place of the object may be known as well as where training readings were taken, or as badly as between them.
     A reading comes from either, and so does the mean: all that lies between the two is as likely.
+
+    One if no pose was felt at several loads.
     """
-    near, far, elsewhere = np.sqrt(mosaics.left_out(label))
-    return Misfit(
-        mean=float(near.mean() + far.mean()) / 2,
-        deviation=math.sqrt(float(near.var() + far.var()) / 2 + _LEAST_DEVIATION**2),
-        drift=abs(float(far.mean() - near.mean())) / math.sqrt(12),
-        chance=float(elsewhere.mean()),
+    near, far, elsewhere = mosaics.left_out(label)
+    level = mosaics.load_levels(label)
+    at_levels = [(near[level == load], far[level == load]) for load in np.unique(level)]
+    return tuple(
+        Misfit(
+            mean=float(close.mean() + away.mean()) / 2,
+            deviation=math.sqrt(float(close.var() + away.var()) / 2 + _LEAST_DEVIATION**2),
+            drift=abs(float(away.mean() - close.mean())) / math.sqrt(12),
+            chance=float(elsewhere.mean()),
+        )
+        for close, away in at_levels
     )
 
 

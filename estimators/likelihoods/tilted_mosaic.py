@@ -15,11 +15,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactsim.core import Scan, compose, transform
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.deviation import non_negative
-from tactsim.estimators.likelihoods.folds import LeftOut, as_one
+from tactsim.estimators.likelihoods.folds import LeftOut, as_one, load_levels
 from tactsim.estimators.likelihoods.mosaic import Grid, LearnedMosaic, Mosaic, learn_with_spread
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.likelihoods.plane_kernels import Nodes, Planes, PressureModel, expand, fit_planes
@@ -57,6 +58,7 @@ class Foretold:
     readings that were taken around there, so that it is known badly. Each holds cover and slope.
     """
 
+    poses: FloatArray
     readings: FloatArray
     near: tuple[FloatArray, FloatArray]
     far: tuple[FloatArray, FloatArray]
@@ -125,6 +127,11 @@ class TiltedMosaics:
             self._planes(out.readings, *out.far).misfit,
             self._planes(elsewhere, *out.near).misfit,
         )
+
+    def load_levels(self, label: str) -> NDArray[np.intp]:
+        """Tell a letter's training readings by their loads, (n,) from 0; one level if no pose was felt at several."""
+        out = self._out[label]
+        return load_levels(out.poses, out.readings)
 
     def misfits(
         self, label: str, robot_in_object: FloatArray, readings: FloatArray, sensor_in_robot: FloatArray
@@ -210,7 +217,7 @@ class TiltedMosaics:
         far_cover, far_slope = LeftOut.of(mine).predicted(
             lambda gone: np.array(self._learn(chart, xy[~gone], cover[~gone], weight[~gone]).mosaic(xy[gone]))
         )
-        return Foretold(mine.readings, near, (far_cover, far_slope))
+        return Foretold(mine.poses, mine.readings, near, (far_cover, far_slope))
 
     def _learn_errors(self) -> None:
         """Learn variances and priors from the training readings that were left out, near and far alike.

@@ -60,12 +60,12 @@ def test_no_reading_and_a_map_that_knows_nothing_say_nothing():
 
 def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(mosaics):
     for label in "EILT":
-        misfit = learn_misfit(mosaics, label)
-        near, far, elsewhere = np.sqrt(mosaics.left_out(label))
+        (misfit,) = learn_misfit(mosaics, label)
+        near, far, elsewhere = mosaics.left_out(label)
         assert misfit.mean == pytest.approx((near.mean() + far.mean()) / 2)
         assert misfit.drift == pytest.approx(abs(far.mean() - near.mean()) / math.sqrt(12))
         assert misfit.chance == elsewhere.mean() > misfit.mean + 3 * misfit.deviation
-        assert 3 < near.mean() < 6  # the root of half of chi^2 of 36 taxels is 4.2
+        assert 36 / 4 < near.mean() < 36  # half of chi^2 of 36 taxels is 18
 
 
 def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
