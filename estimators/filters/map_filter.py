@@ -47,9 +47,9 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
-# Of an object that is watched: the prior probability that it lies still, the least with which regions of what does
-# grow by .15 at most; and a motion is looked for once rest has less than the second, after so many readings or more.
-_LIES_STILL, _STIRRED, _FEWEST = 0.7, 0.3, 3
+# Of an object that is watched: the prior probability that it lies still, the least with which regions of what does grow
+# by .1 or so; and a motion is looked for once rest has less than the second, after so many readings or more.
+_LIES_STILL, _STIRRED, _FEWEST = 0.8, 0.5, 3
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
