@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
 
 # Of an object that is watched: the prior probability that it lies still, the least with which regions of what does grow
 # by .1 or so; and a motion is looked for once rest has less than the second, after so many readings or more.
-_LIES_STILL, _STIRRED, _FEWEST = 0.8, 0.5, 3
+_LIES_STILL, _STIRRED, _FEWEST = 0.8, 0.3, 3
 # A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
 # or so, is none.
 _LEFT, _MUCH_LEFT = 0.1, 0.5
