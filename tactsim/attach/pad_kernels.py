@@ -286,9 +286,7 @@ def enter(
                     count = clip(part, count, outside, across_u, across_v, spare)
                     part, spare = spare, part
             share[i], shift[0, i], shift[1, i] = middle(part, count)
-            if not 0 < share[i] < 1:
-                continue
-            if bounded:
+            if bounded or not 0 < share[i] < 1:
                 continue
             # The gap in the middle of the covered part, where another face may be the last.
             gap[i] = -np.inf

@@ -136,11 +136,11 @@ class Hysteresis(Effect):
 
     def apply(self, readings: FloatArray, drawn: FloatArray, at: Frames) -> FloatArray:
         """Let images depend on how they came about."""
+        if not at.one_touch:
+            return readings
         from tactsim.press.dynamics import hysteretic  # which presses through time, as such images are made
 
-        return (
-            np.stack([hysteretic(some, self.hysteresis) for some in readings]) if at.one_touch else readings
-        )
+        return np.stack([hysteretic(some, self.hysteresis) for some in readings])
 
 
 class Texture(Effect):
