@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -223,7 +223,7 @@ class MapFilter(Estimator):
         self.field.reset()
         self._reset(rng)
         if self.moving is not None or self._watched:
-            self._stirring, self._touches = rng.spawn(1)[0], list[tuple[FloatArray, FloatArray]]()
+            self._stirring, self._kept = rng.spawn(1)[0], list[Callable[[], WeightedStates]]()
             self._next_look = 0.0
         if self._watched:
             self.moving = None
@@ -260,52 +260,54 @@ class MapFilter(Estimator):
         if self.pad_fit is not None:
             units = self.pad_fit.units
             values, pose = check_reading(units.readings(values), units.poses(pose), len(self.taxel_xy))
-        self._take_in(values, pose)
-        if self._watched:
-            self._touches.append((values, pose))
-            if self.moving is not None and self.moving.probability < _AT_REST:
-                self.moving, self._next_look = None, 2 * len(self._touches)
-            elif len(self._touches) >= self._next_look and (self.moving is not None or self._stirred()):
-                self._look()
-        if self.open_set is not None:
-            self.open_set.keep(values, pose)
-
-    def _take_in(self, reading: FloatArray, pose: FloatArray) -> None:
-        self.field.append(reading, pose)
+        self.field.append(values, pose)
         if self.moving is not None:
             self.moving.update()  # it has the filter measure, too, where the object may lie still
         else:
             self.measure()
+        if self._watched:
+            self._watch()
+        if self.open_set is not None:
+            self.open_set.keep(values, pose)
+
+    def _watch(self) -> None:
+        """Notice whether the object moves, or lies still again."""
+        if self._next_look == math.inf:
+            return
+        self._kept.append(self._keep())
+        if self.moving is not None and self.moving.probability < _AT_REST:
+            self.moving, self._next_look = None, 2 * self.touches
+        elif self.touches >= self._next_look and (self.moving is not None or self._stirred()):
+            self._look()
 
     def _look(self) -> None:
         """Follow the object, or let it lie, by whether a motion explains the readings.
 
-        To follow it is to take all touches in again, with a belief that moves, as if it had been there from the first
-        on, of the letters that are likely at rest. The next look is after as many touches again; there is none if a
-        motion explains next to nothing of what it did not before either.
+        To follow it is to take all touches in again by a belief that moves, as if it had been there from the first on,
+        beside what the filter held at each, of the letters that are likely at rest. The next look is after as many
+        touches again; there is none if a motion explains next to nothing of what it did not before either, or if the
+        filter cannot tell: then the object is followed on.
         """
-        first, self._next_look = not self._next_look, 2 * len(self._touches)
+        first, self._next_look = not self._next_look, 2 * self.touches
         moving = self.moving or self._moving_belief()
         assert moving is not None
         if self.moving is None:
             said = self.own_estimate().probabilities
             likely = np.array([said[label] > _UNLIKELY for label in self.labels])
-            self.field.reset()
-            self._reset(self._stirring)
             self.moving = moving
             moving.reset(self._stirring, likely)
-            for touch in self._touches:
-                self._take_in(*touch)
+            moving.take_in(self._kept, self.log_p_in)
         left = self.left_along(moving)
         if left > _LEFT or moving.probability < _AT_REST:
             self.moving = None
-        if left > _MUCH_LEFT and not first:
+        if (left > _MUCH_LEFT and not first) or self.shares_of_walks() is None:
             self._next_look = math.inf
+            self._kept.clear()
 
     def _stirred(self) -> bool:
         """Tell whether the readings disagree with an object at rest; of a filter that cannot tell they always do."""
         shares = self.shares_of_walks()
-        return shares is None or (len(self._touches) >= _FEWEST and shares[0] < _STIRRED)
+        return shares is None or (self.touches >= _FEWEST and shares[0] < _STIRRED)
 
     def shares_of_walks(self) -> FloatArray | None:
         """Weigh rest and the walks of `motion` by how much readings disagree; None of a filter that cannot tell.
@@ -322,7 +324,7 @@ class MapFilter(Estimator):
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
         known = self.own_estimate() if self.moving is None else self.moving.estimate()
-        if self._watched and self.moving is None and len(self._touches) >= self._next_look:
+        if self._watched and self.moving is None and self.touches >= self._next_look:
             known = self._perhaps_moved(known)
         against = 0.0
         if self.open_set is not None:
@@ -346,7 +348,7 @@ class MapFilter(Estimator):
         if shares is None or len(shares) == 1 or known.samples is None:
             return known
         assert self.motion is not None
-        return replace(known, samples=self.motion.walked(known.samples, shares, len(self._touches)))
+        return replace(known, samples=self.motion.walked(known.samples, shares, self.touches))
 
     def likeliest(self, mass: FloatArray) -> tuple[int, FloatArray]:
         """Find the likeliest map of the likeliest object, and what each map holds given its prior.
@@ -431,6 +433,11 @@ class MapFilter(Estimator):
     def own_states(self) -> WeightedStates:
         """Give the filter's own belief as weighted states."""
 
+    def _keep(self) -> Callable[[], WeightedStates]:
+        """Give what the filter's own belief is now, to be asked for later."""
+        held = self.own_states()
+        return lambda: held
+
     @property
     def touches(self) -> int:
         """Count the readings so far."""
@@ -454,11 +461,15 @@ class MapFilter(Estimator):
     def foretold(self, belief: WeightedStates) -> float:
         """Update the filter's own belief; returns the log-likelihood of the last reading in its `belief` before."""
         self.measure()
+        return self.log_p_in(belief, self.touches - 1)
+
+    def log_p_in(self, belief: WeightedStates, touch: int) -> float:
+        """Weigh a belief by one reading: its log-likelihood, nats."""
         with np.errstate(divide="ignore"):
             log_p = np.log(belief.weights.normalised)
         for letter in np.unique(belief.letter).tolist():
             chosen = np.flatnonzero(belief.letter == letter)
-            log_p[chosen] += self.log_p(letter, belief.state.take(chosen, axis=1), self.touches - 1)
+            log_p[chosen] += self.log_p(letter, belief.state.take(chosen, axis=1), touch)
         return float(np.logaddexp.reduce(log_p))
 
     # What else a subclass may say of itself.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -66,13 +67,27 @@ class MovingBelief:
         if not self._clouds:
             self._filter.measure()
             if self._filter.located:
-                self._begin()
+                self._begin(self._filter.own_states())
             return
         at_rest = -math.inf
         if self._motion.still is not None:
             belief = self._filter.own_states()
             self._set_off(belief)
             at_rest = self._filter.foretold(belief)
+        self._follow(self._filter.touches - 1, at_rest)
+
+    def take_in(
+        self, held: Sequence[Callable[[], WeightedStates]], log_p: Callable[[WeightedStates, int], float]
+    ) -> None:
+        """Take in the filter's readings so far: what it held after each, log p of a touch in what it held before."""
+        self._begin(belief := held[0]())
+        for touch in range(1, len(held)):
+            self._set_off(belief)
+            self._follow(touch, log_p(belief, touch))
+            belief = held[touch]()
+
+    def _follow(self, touch: int, at_rest: float) -> None:
+        """Move the belief, and weigh it by a touch, whose log-likelihood is at_rest if the object lies still."""
         before = self._followed
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
@@ -82,7 +97,7 @@ class MovingBelief:
             if cloud is None or cloud.log_evidence < best - _FORGOTTEN:
                 self._clouds[letter] = self._drawn[letter] = None
             else:
-                log_p = partial(self._log_p_of_placed, letter)
+                log_p = partial(self._log_p_of_placed, letter, touch)
                 self._clouds[letter], self._drawn[letter] = advance(
                     cloud, self._motion, log_p, count, self._rng
                 )
@@ -109,9 +124,9 @@ class MovingBelief:
         odds = np.array([self._rest, self._followed]) + np.log([still, 1 - still])
         return float(Weights(odds).normalised[1])
 
-    def _begin(self) -> None:
+    def _begin(self, belief: WeightedStates) -> None:
         """Take over what the filter holds: nothing has moved yet."""
-        self._clouds = self._held(self._filter.own_states(), _BROAD * CENTRES)
+        self._clouds = self._held(belief, _BROAD * CENTRES)
         self._drawn = [
             None
             if cloud is None
@@ -157,9 +172,9 @@ class MovingBelief:
             clouds.append(Cloud(motion.placed(state), spread, log_weight, float(evidence[letter])))
         return clouds
 
-    def _log_p_of_placed(self, letter: int, placement: FloatArray) -> FloatArray:
-        """Weigh placements (n, 3) by the last reading: (n,)."""
-        return self._filter.log_p(letter, self._motion.state(placement), self._filter.touches - 1)
+    def _log_p_of_placed(self, letter: int, touch: int, placement: FloatArray) -> FloatArray:
+        """Weigh placements (n, 3) by a reading: (n,)."""
+        return self._filter.log_p(letter, self._motion.state(placement), touch)
 
     def estimate(self) -> Estimate:
         """Sum the models for each letter; take the pose from the likelier model of the best letter."""

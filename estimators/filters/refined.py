@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -95,6 +95,7 @@ class RefinedFilter(GridFilter):
     options: RefinedOptions
     mixes_loads = True
     trust: Trust
+    _belief: tuple[Cells, Weights] | None  # once it was asked for
 
     def __init__(self, options: RefinedOptions) -> None:
         super().__init__(options, options.bins, options.split)
@@ -140,6 +141,7 @@ class RefinedFilter(GridFilter):
         # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
         self._leaves = np.array([every]), np.arange(every), np.zeros(every)
         self._weight, self._unexplained, self._spread = self.trust(0), 0.0, math.nan
+        self._belief = None
 
     def measure(self) -> None:
         """Update the coarse bins (eq. 13), then split the best."""
@@ -164,8 +166,8 @@ class RefinedFilter(GridFilter):
                 cell, log_p, self._limits, weight, self.field, self.grid
             )
             unreplayed = 0
-        self._leaves, self._weight = (end, left, left_log_p), weight
-        self._weight = self.trust.given(len(self.field), self._influence())
+        self._leaves, self._weight, self._belief = (end, left, left_log_p), weight, None
+        self._weight, self._belief = self.trust.given(len(self.field), self._influence()), None
         missed = self.field.bound() - float(left_log_p.max())
         self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
         self._badly_explained += self._unexplained > 0 and self.moving is None
@@ -218,8 +220,11 @@ class RefinedFilter(GridFilter):
 
     def own_states(self) -> WeightedStates:
         """Give the middles of the cells, large and small, that hold the belief."""
+        return self._keep()()
+
+    def _keep(self) -> Callable[[], WeightedStates]:
         cells, weights = self._belief_in_cells()
-        return WeightedStates(cells.letter, cells.states, weights, cells.size)
+        return lambda: WeightedStates(cells.letter, cells.states, weights, cells.size)
 
     def _own_plane(self) -> PlaneBelief:
         """Sum the belief of each coarse bin and over the angle."""
@@ -281,9 +286,11 @@ class RefinedFilter(GridFilter):
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
-        end, cell, log_p = self._leaves
-        times, index, log_weight = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
-        return Cells(self.grid, times, index), Weights(log_weight)
+        if self._belief is None:
+            end, cell, log_p = self._leaves
+            times, index, log_weight = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
+            self._belief = Cells(self.grid, times, index), Weights(log_weight)
+        return self._belief
 
 
 class ForceMosaicOptions(RefinedOptions):
