@@ -158,9 +158,13 @@ def replay(
             own[k] = letter[block + k] * plane
         for row in range(first * terms.loads, last * terms.loads):
             total[:] = 0
+            term_x = term_y = float32(0)
             for term in range(begin[row], begin[row + 1]):
+                before_x, before_y = term_x, term_y
                 term_x, term_y = float32(terms.xy[term, 0]), float32(terms.xy[term, 1])
-                for k in range(padded):
+                # Terms of one taxel follow each other, and are at one place, which is found once.
+                again = term > begin[row] and term_x == before_x and term_y == before_y
+                for k in range(uint64(0) if again else padded):
                     to_x = x[k] + along_x[k] * term_x + across_x[k] * term_y
                     to_y = y[k] + along_y[k] * term_x + across_y[k] * term_y
                     # Beyond the rim all is as at the rim. A place that is no number is taken for the first node.

@@ -228,12 +228,25 @@ def _spacing(place: FloatArray, around: float) -> float:
     return max(float(np.median(_gaps(place, around, 5))), 0.02)
 
 
-def _gaps(place: FloatArray, around: float, nearest: int) -> FloatArray:
-    """Give the distance (n,) mm from each placement to its `nearest`-th nearest, or its farthest of fewer."""
-    step = place[:, None] - place
-    step[..., 2] -= around * np.rint(step[..., 2] / around)
-    nearest = min(nearest, len(place) - 1)
-    return np.asarray(np.sqrt(np.partition((step**2).sum(axis=-1), nearest, axis=1)[:, nearest]), dtype=float)
+@compiled()
+def _gaps(place: Reals2D, around: float, nearest: int) -> Reals1D:
+    """Give the distance (n,) mm from each placement (n, 3) to its `nearest`-th nearest, or its farthest of fewer."""
+    found, nearest = np.empty(len(place)), min(nearest, len(place) - 1)
+    least = np.empty(nearest + 1)  # squared, in order, that to itself among them
+    for i in range(len(place)):
+        least[:] = np.inf
+        for j in range(len(place)):
+            turn = abs(place[i, 2] - place[j, 2])
+            turn -= around * np.rint(turn / around)
+            away = (place[i, 0] - place[j, 0]) ** 2 + (place[i, 1] - place[j, 1]) ** 2 + turn**2
+            k = nearest
+            if away < least[k]:
+                while k > 0 and away < least[k - 1]:
+                    least[k] = least[k - 1]
+                    k -= 1
+                least[k] = away
+        found[i] = math.sqrt(least[nearest])
+    return found
 
 
 @compiled()
@@ -252,19 +265,27 @@ def add_densities(
     third is an angle as a length that closes after `around` mm. weight, variance, mixture: (parts,) of each part its
     weight, its mm^2 along each axis, and of which mixture it is.
     """
-    height, rate, reach = np.empty(len(centre)), np.empty(len(centre)), np.empty(len(centre))
-    for i in range(len(centre)):
-        height[i] = weight[i] / (2 * math.pi * variance[i]) ** 1.5
-        rate[i] = 0.5 / variance[i]
-        reach[i] = _REACH / rate[i] if weight[i] > 0 else 0.0
-    for j in range(len(place)):
-        for i in range(len(centre)):
-            dx, dy = place[j, 0] - centre[i, 0], place[j, 1] - centre[i, 1]
-            away = dx * dx + dy * dy
-            if away >= reach[i]:
-                continue
-            turn = abs(place[j, 2] - centre[i, 2])
-            turn = min(turn, abs(around - turn))
-            away += turn * turn
-            if away < reach[i]:
-                density[j, mixture[i]] += height[i] * math.exp(-away * rate[i])
+    order = np.argsort(centre[:, 0])
+    for number in range(density.shape[1]):
+        mine = order[mixture[order] == number]
+        height, rate, reach = np.empty(len(mine)), np.empty(len(mine)), np.empty(len(mine))
+        for i in range(len(mine)):
+            height[i] = weight[mine[i]] / (2 * math.pi * variance[mine[i]]) ** 1.5
+            rate[i] = 0.5 / variance[mine[i]]
+            reach[i] = _REACH / rate[i] if weight[mine[i]] > 0 else 0.0
+        # Of parts in order of x only those around a place are looked at.
+        parts, far = centre[mine], math.sqrt(reach.max()) if len(mine) else 0.0
+        first = np.searchsorted(parts[:, 0], place[:, 0] - far)
+        for j in range(len(place)):
+            for i in range(first[j], len(mine)):
+                dx, dy = place[j, 0] - parts[i, 0], place[j, 1] - parts[i, 1]
+                if dx < -far:
+                    break
+                away = dx * dx + dy * dy
+                if away >= reach[i]:
+                    continue
+                turn = abs(place[j, 2] - parts[i, 2])
+                turn = min(turn, abs(around - turn))
+                away += turn * turn
+                if away < reach[i]:
+                    density[j, number] += height[i] * math.exp(-away * rate[i])

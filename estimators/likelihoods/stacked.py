@@ -61,12 +61,14 @@ class StackedLikelihood(TaxelSum):
         return np.concatenate([model.log_tables(label, xy) for model in self.models])
 
     def evidence(self, reading: FloatArray) -> Evidence:
-        """Turn a reading into the terms of all models."""
+        """Turn a reading into the terms of all models, taxel after taxel: those at one place are summed faster."""
         each = [model.evidence(reading) for model in self.models]
+        taxel = np.concatenate([terms.taxel for terms in each])
+        order = np.argsort(taxel, kind="stable")
         return Evidence(
             np.concatenate(
                 [terms.table + first for terms, first in zip(each, self._first_table, strict=False)]
-            ),
-            np.concatenate([terms.taxel for terms in each]),
-            np.concatenate([terms.weight for terms in each]),
+            )[order],
+            taxel[order],
+            np.concatenate([terms.weight for terms in each])[order],
         )
