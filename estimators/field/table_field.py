@@ -79,10 +79,7 @@ def tabulate(
         xy = np.stack(
             np.meshgrid(low[0] + step[0] * np.array(columns), low[1] + step[1] * np.array(rows)), axis=-1
         )
-        found = likelihood.log_tables(labels[letter], xy) - outside[:, letter, None, None]
-        if not np.isfinite(found).all():
-            raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
-        return found
+        return likelihood.log_tables(labels[letter], xy) - outside[:, letter, None, None]
 
     # Until all letters were seen nobody knows the unit and where all are 0. To keep until then what was sampled would
     # take four times the memory; of many letters all are sampled twice.
@@ -92,7 +89,9 @@ def tabulate(
         found = sampled(letter, rows, columns)
         if outside.size * found[0].size <= _MOST_KEPT:
             kept[letter] = found
-        of_places = np.abs(found).max(axis=0)
+        of_places = np.maximum(found.max(axis=0), -found.min(axis=0))
+        if not np.isfinite(of_places).all():
+            raise ValueError(f"likelihood {type(likelihood).__name__} gives a value that is not finite")
         largest = [np.maximum(largest[axis], of_places.max(axis=1 - axis)) for axis in (0, 1)]
     # The smallest power of 2, at least 2^-100, of which at most `_LARGEST` are as much as the largest.
     share, exponent = math.frexp(largest[0].max() / _LARGEST)
@@ -110,7 +109,8 @@ def tabulate(
             found = kept.pop(letter)[:, rows.start : rows.stop, columns.start : columns.stop]
         else:
             found = sampled(letter, rows, columns)
-        within[:] = np.rint(found / unit)
+        found *= 1 / unit
+        within[:] = np.rint(found, out=found)
     lowest = outside + unit * np.minimum(nodes.min(axis=(2, 3)), 0)
     highest = outside + unit * np.maximum(nodes.max(axis=(2, 3)), 0)
     return Tables(

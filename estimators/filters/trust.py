@@ -41,39 +41,11 @@ from numpy.typing import NDArray
 
 from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
-from tactsim.estimators.field.field import IMPOSSIBLE, LikelihoodField, field_of
+from tactsim.estimators.field.field import IMPOSSIBLE, field_of
 from tactsim.estimators.field.table_field import TableField
 from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mostly_held, sums_of_readings
 from tactsim.estimators.likelihoods.folds import LeftOut, folds, presses, some_labels
-from tactsim.estimators.likelihoods.likelihood import Likelihood, TaxelSum
-
-
-def unseen(
-    likelihood: Likelihood, train: Scan, labels: Sequence[str], whole_positions: bool
-) -> Iterator[tuple[LikelihoodField, str, int]]:
-    """Yield a field, a letter and the number of its training reading, which the field has last and its maps have not.
-
-    Of each reading the taxels count that lie where others were felt, or all if the likelihood is no sum over them.
-    train: what the likelihood was fitted to. labels: the letters to ask, and the field's. whole_positions: whether
-    all presses at its position are left out with a reading, or as few as may be. Nothing is yielded of a likelihood
-    that cannot leave readings out.
-    """
-    out = LeftOut.of(train, folds if whole_positions else presses)
-    for gone in out:
-        rest = likelihood.without(train, gone, labels, whole_positions)
-        if rest is None:
-            return
-        cell = rest.options.cell
-        field = field_of(rest, labels, train.taxel_xy, (cell, cell), cell)
-        for label in labels:
-            for k in np.flatnonzero(gone & (train.labels == label)).tolist():
-                if isinstance(field, TableField) and isinstance(rest, TaxelSum):
-                    field.add(
-                        rest.evidence(train.readings[k]).of_taxels(out.known[k]), np.array(train.poses[k])
-                    )
-                else:
-                    field.append(train.readings[k], train.poses[k])
-                yield field, label, k
+from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, TaxelSum
 
 
 # Sequences of few and of many readings are tried.
@@ -188,16 +160,15 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     moves = _MOVES if isinstance(likelihood, TaxelSum) else _MOVES // 4  # others take many times as long
     shift, size, states = _moves(train.poses[:, :2].mean(axis=0), moves)
     errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
-    for whole_positions in (False, True):
-        left_out = _left_out(likelihood, train, labels, states, whole_positions)
-        if left_out is None:
-            return Trust()
+    for left_out in _left_out(likelihood, train, labels, states):
         log_p = [one.log_p for one in left_out]
         misfits = np.concatenate([one.most - one.log_p[:, size.argmin()] for one in left_out])
         found = [_typical(log_p, count, shift, size, rng) for count in (FEW, MANY)]
         errors.append([error for error, _, _ in found])
         seen.append([share for _, share, _ in found])
         longest = found[1][2]
+    if not errors:
+        return Trust()
     few, many = (_at_a_new_place(*both) for both in zip(*errors, strict=True))
     growth = max(0.0, (many - few) / math.log(longest / FEW)) if longest > FEW else 0.0
     own = few - growth * math.log(FEW) if growth else (few + many) / 2  # one number from both without growth
@@ -288,21 +259,38 @@ def _moves(centre: FloatArray, count: int = _MOVES) -> tuple[FloatArray, FloatAr
 
 
 def _left_out(
-    likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray, whole_positions: bool
-) -> list[_LeftOut] | None:
-    """Compute log p of training readings at moved poses, without themselves or all presses at their positions.
+    likelihood: Likelihood, train: Scan, labels: Sequence[str], states: FloatArray
+) -> Iterator[list[_LeftOut]]:
+    """Compute log p of training readings at moved poses, without themselves, then without all at their positions.
 
-    Returns what is found for each letter; None if the likelihood cannot leave readings out.
+    Yields what is found for each letter, twice; nothing of a likelihood that cannot leave readings out. Of each
+    reading the taxels count that lie where others were felt, or all if the likelihood is no sum over them.
     """
-    found: dict[str, list[FloatArray]] = {label: [] for label in labels}
-    most: dict[str, list[float]] = {label: [] for label in labels}
-    for asked, label, _ in unseen(likelihood, train, labels, whole_positions):
-        log_p = asked.log_p(labels.index(label), states, len(asked) - 1)
-        found[label].append(np.maximum(log_p, IMPOSSIBLE))
-        most[label].append(asked.bound(len(asked) - 1))
-    if not any(found.values()):
-        return None
-    return [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]
+    said: dict[int, Evidence] = {}  # both times the same
+    for whole_positions in (False, True):
+        found: dict[str, list[FloatArray]] = {label: [] for label in labels}
+        most: dict[str, list[float]] = {label: [] for label in labels}
+        out = LeftOut.of(train, folds if whole_positions else presses)
+        for gone in out:
+            rest = likelihood.without(train, gone, labels, whole_positions)
+            if rest is None:
+                return
+            cell = rest.options.cell
+            field = field_of(rest, labels, train.taxel_xy, (cell, cell), cell)
+            for k in np.flatnonzero(gone & np.isin(train.labels, labels)).tolist():
+                label, pose = train.labels[k].item(), np.array(train.poses[k])
+                if isinstance(field, TableField) and isinstance(rest, TaxelSum):
+                    if k not in said:
+                        said[k] = rest.evidence(train.readings[k])
+                    field.add(said[k].of_taxels(out.known[k]), pose)
+                else:
+                    field.append(train.readings[k], pose)
+                log_p = field.log_p(labels.index(label), states, len(field) - 1)
+                found[label].append(np.maximum(log_p, IMPOSSIBLE))
+                most[label].append(field.bound(len(field) - 1))
+        if not any(found.values()):
+            return
+        yield [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]
 
 
 def _sequences(

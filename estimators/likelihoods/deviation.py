@@ -39,8 +39,8 @@ class Deviation:
         column = (-1, *[1] * np.ndim(predicted))
         spread = _spread(_sources(predicted, slope, scale) @ self.variance, self.levels)
         gaussian = _normal(self.levels.reshape(column) - predicted, spread)
-        log_p = np.log((1 - self.stray) * gaussian + self.stray * self.background.reshape(column))
-        return log_p - np.log(integral(log_p, self.levels))
+        p = (1 - self.stray) * gaussian + self.stray * self.background.reshape(column)
+        return np.asarray((log_p := np.log(p)) - np.log(integral(p, log_p, self.levels)), dtype=float)
 
 
 def learn_deviation(
@@ -83,12 +83,15 @@ def non_negative(columns: FloatArray, wanted: FloatArray) -> FloatArray:
     return np.asarray(nnls(columns / size, wanted)[0] / size, dtype=float)
 
 
-def integral(log_p: FloatArray, levels: FloatArray) -> FloatArray:
-    """Integrate exp of a function (k, ...) that is linear between levels (k,) in equal steps: (...)."""
-    rise = np.maximum(np.abs(np.diff(log_p, axis=0)), 1e-6)
-    top = np.maximum(log_p[1:], log_p[:-1])
-    mean = -np.expm1(-rise) / rise
-    return (levels[1] - levels[0]) * (np.exp(top) * mean).sum(axis=0)
+def integral(p: FloatArray, log_p: FloatArray, levels: FloatArray) -> FloatArray:
+    """Integrate a function p (k, ...) whose logs are linear between levels (k,) in equal steps: (...).
+
+    Between two levels its mean is their logarithmic mean, or that mean's series where the two are nearly equal.
+    """
+    rise = np.diff(log_p, axis=0)
+    mean = (p[1:] + p[:-1]) * (0.5 - rise**2 / 24)
+    np.divide(np.diff(p, axis=0), rise, out=mean, where=np.abs(rise) > 1e-3)
+    return np.asarray((levels[1] - levels[0]) * mean.sum(axis=0), dtype=float)
 
 
 def _sources(predicted: FloatArray, slope: FloatArray, scale: FloatArray | float) -> FloatArray:

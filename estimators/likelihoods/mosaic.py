@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, compiled
+from tactsim.core.compiling import Reals1D, Reals2D, Reals3D, Reals4D, compiled
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.likelihoods.occupancy import point_spread
 
@@ -109,10 +109,8 @@ def learn_with_spread(xy: FloatArray, values: FloatArray, weight: FloatArray, gr
     """
     sums, sigma = np.zeros((*grid.shape, 9)), grid.sigma / grid.cell
     add_moments(sums, (xy - grid.origin) / grid.cell, weight, values, sigma, _REACH * sigma)
-    normal = sums[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
-    normal += _PRIOR * np.diag([1, sigma**2, sigma**2])
-    spread = np.asarray(np.linalg.inv(normal), dtype=float)
-    plane = np.einsum("...ij,...j->...i", spread, sums[..., 6:])
+    spread, plane = np.empty((*grid.shape, 3, 3)), np.empty((*grid.shape, 3))
+    solve(sums, _PRIOR * np.array([1, sigma**2, sigma**2]), spread, plane)
     return LearnedMosaic(Mosaic(grid.origin, grid.cell, grid.sigma, plane), spread)
 
 
@@ -148,3 +146,26 @@ def add_moments(
                 sums[6] += here * value[i]
                 sums[7] += here * value[i] * dx
                 sums[8] += here * value[i] * dy
+
+
+@compiled()
+def solve(moments: Reals3D, prior: Reals1D, spread: Reals4D, plane: Reals3D) -> None:
+    """Solve the normal equations of the plane around every node, by Cramer's rule.
+
+    moments: (rows, columns, 9) of `add_moments`. prior: (3,) is added to 11, xx and yy. Fills spread (rows, columns, 3,
+    3), the inverses, and plane (rows, columns, 3).
+    """
+    rows, columns, _ = moments.shape
+    for row in range(rows):
+        for column in range(columns):
+            sums, inverse = moments[row, column], spread[row, column]
+            a, b, c = sums[0] + prior[0], sums[1], sums[2]
+            d, e, f = sums[3] + prior[1], sums[4], sums[5] + prior[2]
+            inverse[0, 0], inverse[1, 1], inverse[2, 2] = d * f - e * e, a * f - c * c, a * d - b * b
+            inverse[0, 1] = inverse[1, 0] = c * e - b * f
+            inverse[0, 2] = inverse[2, 0] = b * e - c * d
+            inverse[1, 2] = inverse[2, 1] = b * c - a * e
+            inverse /= a * inverse[0, 0] + b * inverse[0, 1] + c * inverse[0, 2]
+            for i in range(3):
+                of_axis = inverse[i]
+                plane[row, column, i] = of_axis[0] * sums[6] + of_axis[1] * sums[7] + of_axis[2] * sums[8]

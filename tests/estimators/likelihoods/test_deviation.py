@@ -32,8 +32,10 @@ def test_between_the_levels_too_it_integrates_to_one(predicted, slope, scale, st
 
 
 def test_the_integral_of_a_straight_line_is_the_closed_form():
-    assert integral(3 * LEVELS, LEVELS) == pytest.approx((np.exp(4.2) - np.exp(-0.75)) / 3)
-    assert integral(np.full((16, 2), 0.7), LEVELS) == pytest.approx(1.65 * np.exp(0.7))
+    assert integral(np.exp(3 * LEVELS), 3 * LEVELS, LEVELS) == pytest.approx((np.exp(4.2) - np.exp(-0.75)) / 3)
+    rise = np.array([0, 1e-4, 9e-3, 2e-2])
+    log_p, exact = rise * LEVELS[:, None], np.append(1.65, np.diff(np.exp(rise[1:] * LEVELS[[0, -1], None]), axis=0) / rise[1:])
+    assert integral(np.exp(log_p), log_p, LEVELS) == pytest.approx(exact, rel=1e-11)
 
 
 def test_it_finds_the_variance_and_the_share_of_strays_of_what_it_is_given():
