@@ -144,8 +144,7 @@ def shown_error(weight: float, readings: int, influence: float) -> float:
     return weight * readings**2 / (readings - 1) * influence
 
 
-# So many sequences of a number of readings of a letter are tried, at poses off by so many moves.
-_SEQUENCES, _MOVES = 120, 4096
+_SEQUENCES = 120  # of a number of readings of a letter are tried, at poses off by moves
 # mm, the least and the largest move; a turn is counted at a letter's radius of gyration, mm.
 _LEAST, _MOST, _GYRATION = 0.01, 4.0, 9.0
 _ROOT = 1.1673039782614187  # of x^5 = x + 1
@@ -157,8 +156,7 @@ def learn_trust(likelihood: Likelihood, scan: Scan) -> Trust:
     """Learn the weight from the training readings of a scan; 1 if the likelihood cannot leave any of them out."""
     train, rng = scan.where("train"), np.random.default_rng(0)
     labels = some_labels(train)
-    moves = _MOVES if isinstance(likelihood, TaxelSum) else _MOVES // 4  # others take many times as long
-    shift, size, states = _moves(train.poses[:, :2].mean(axis=0), moves)
+    shift, size, states = _moves(train.poses[:, :2].mean(axis=0), likelihood.moves)
     errors, seen, longest, misfits = [], [], float(FEW), np.empty(0)
     for left_out in _left_out(likelihood, train, labels, states):
         log_p = [one.log_p for one in left_out]
@@ -238,7 +236,7 @@ def _weight(sums: FloatArray, log_volume: FloatArray, along: FloatArray) -> floa
     return math.sqrt(low * high)
 
 
-def _moves(centre: FloatArray, count: int = _MOVES) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _moves(centre: FloatArray, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw n = count moves of an object: shifts (n, 2) of its centre [x, y], sizes (n,), mm, and T_R^O (3, n).
 
     They have all sizes, as many of one order of magnitude as of another, and all directions, spread evenly by an

@@ -78,6 +78,8 @@ class Likelihood(ABC):
     taxel_xy: FloatArray
     # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.
     loads: int = 1
+    # At how many poses `trust` asks for a reading that was left out: the fewer, the longer an answer takes.
+    moves: int = 1024
 
     def __init__(self, options: MapOptions) -> None:
         """Take options; those of `options_type` that are not among them have their defaults."""
@@ -127,6 +129,8 @@ class TaxelSum(Likelihood):
     Filters look its tables up on a lattice, in compiled code, and skip what cannot matter (`field.TableField`). Between
     the nodes they interpolate log p, which comes to `log_p` as the lattice gets finer.
     """
+
+    moves = 4096
 
     def log_p(self, reading: FloatArray, pose: FloatArray, label: str, states: FloatArray) -> FloatArray:
         """Sum the terms, term by term; the mean over loads counts where there are several."""

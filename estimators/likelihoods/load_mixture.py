@@ -39,7 +39,7 @@ class LoadMixture(TaxelSum):
         self._load, self.loads = load, int(load.max()) + 1
         super().__init__(options)
         kind = cast("type[TaxelSum]", kind_of(options.likelihood))
-        self.of_load = [kind(options) for _ in range(self.loads)]
+        self.of_load, self.moves = [kind(options) for _ in range(self.loads)], kind.moves
 
     def fit(self, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
         """Learn maps and measurement model of each load from its training readings.

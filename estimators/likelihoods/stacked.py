@@ -33,6 +33,7 @@ class StackedLikelihood(TaxelSum):
 
     options_type = CountedOptions
     of_pressures: ClassVar[bool] = True
+    moves = 2048
 
     def __init__(self, options: MapOptions) -> None:
         super().__init__(options)

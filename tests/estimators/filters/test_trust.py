@@ -39,17 +39,17 @@ def gaussian(rng, too_sure, share=0.0):
     without it by so much more.
     """
 
-    def left_out(likelihood, train, labels, states, whole_positions):
+    def left_out(likelihood, train, labels, states):
         shift, _, _ = trust._moves(np.zeros(2), states.shape[1])
         place = np.column_stack([shift, trust._GYRATION * states[2]])
-        error = 1 / (1 - share) if whole_positions else 1 - share
-        seen = rng.normal(size=(len(LETTERS), READINGS, 3)) * math.sqrt(error)
-        return [
-            trust._LeftOut(
-                -too_sure * ((place[None] / 0.4 - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
-            )
-            for one in seen
-        ]
+        for error in (1 - share, 1 / (1 - share)):
+            seen = rng.normal(size=(len(LETTERS), READINGS, 3)) * math.sqrt(error)
+            yield [
+                trust._LeftOut(
+                    -too_sure * ((place[None] / 0.4 - one[:, None]) ** 2).sum(axis=2) / 2, np.zeros(READINGS)
+                )
+                for one in seen
+            ]
 
     return left_out
 
@@ -71,7 +71,7 @@ def known(too_sure):
 def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_for_it(monkeypatch, too_sure):
     """The misfit of a normal error is half a chi squared, and the jackknife sees all of it."""
     monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), too_sure))
-    learned = learn_trust(None, SCAN)
+    learned = learn_trust(SimpleNamespace(moves=1024), SCAN)
     assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(too_sure), rel=0.2)
     assert (learned.few, learned.many) == pytest.approx((1, 1), rel=0.2)
     assert learned.misfit.mean == pytest.approx(1.5 * too_sure, rel=0.1)  # of three degrees of freedom
@@ -81,7 +81,7 @@ def test_a_gaussian_likelihood_that_is_too_sure_gets_the_weight_that_makes_up_fo
 def test_what_presses_at_one_position_share_is_found_from_both_ways_of_leaving_out(monkeypatch):
     # The error of a press by itself, and of the map.
     monkeypatch.setattr(trust, "_left_out", gaussian(np.random.default_rng(1), 2.0, share=0.4))
-    learned = learn_trust(None, SCAN)
+    learned = learn_trust(SimpleNamespace(moves=1024), SCAN)
     assert [1 / learned(n) for n in (3, 8, 20)] == pytest.approx(known(2.0 * 1.4), rel=0.15)
 
 
