@@ -54,9 +54,11 @@ class MovingBelief:
     def reset(self, rng: np.random.Generator, likely: NDArray[np.bool_] | None = None) -> None:
         """Forget the sequence; all randomness until the next reset comes from `rng`.
 
-        likely: (letters,) those that may move; None: all.
+        likely: (letters,) those that may move, of an object that has lain still so far as is known, and of which states
+        are drawn as if the first belief were not broad; None: all.
         """
         self._rng, self._likely = rng, likely
+        self._broad = _BROAD if likely is None else 1
         self._clouds: list[Cloud | None] = []
         self._rest = 0.0
         self._past: list[list[Cloud | None]] = []
@@ -91,7 +93,7 @@ class MovingBelief:
         before = self._followed
         self._past.append(self._clouds)
         self._clouds = list(self._clouds)
-        count = DRAWN * (_BROAD if len(self._past) == 1 else 1)
+        count = DRAWN * (self._broad if len(self._past) == 1 else 1)
         best = self._log_evidence.max()
         for letter, cloud in enumerate(self._clouds):
             if cloud is None or cloud.log_evidence < best - _FORGOTTEN:
@@ -126,7 +128,7 @@ class MovingBelief:
 
     def _begin(self, belief: WeightedStates) -> None:
         """Take over what the filter holds: nothing has moved yet."""
-        self._clouds = self._held(belief, _BROAD * CENTRES)
+        self._clouds = self._held(belief, self._broad * CENTRES)
         self._drawn = [
             None
             if cloud is None

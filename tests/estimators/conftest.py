@@ -5,7 +5,7 @@ import pytest
 from synthetic import make_scan
 
 from tactsim.core import Scan
-from tactsim.estimators.filters import refined, trust
+from tactsim.estimators.filters import refined
 from tactsim.estimators.options import LikelihoodOptions
 from tactsim.press import ScanOptions, scan_letters
 
@@ -25,7 +25,7 @@ def weights_are_learned_once():
         key = sha256(pickle.dumps((type(likelihood), learned, options, scan.digest))).digest()
         if key not in known:
             with pytest.MonkeyPatch.context() as fewer:
-                fewer.setattr(trust, "_MOVES", 1024)
+                fewer.setattr(likelihood, "moves", likelihood.moves // 4)
                 known[key] = learn(likelihood, scan)
         return known[key]
 

@@ -23,7 +23,7 @@ from tactsim.estimators.filters.trust_kernels import (
 
 def test_moves_turn_about_the_centre_and_have_the_sizes_that_are_said():
     centre = np.array([3.0, -2.0])
-    shift, size, states = trust._moves(centre)
+    shift, size, states = trust._moves(centre, 4096)
     moved = np.array([compose(state, [*centre, 0.0]) for state in states.T])
     assert moved[:, :2] - centre == pytest.approx(shift)
     assert np.hypot(np.hypot(*shift.T), trust._GYRATION * moved[:, 2]) == pytest.approx(size)
