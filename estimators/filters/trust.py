@@ -47,7 +47,6 @@ from tactsim.estimators.filters.trust_kernels import influence_in_sequences, mos
 from tactsim.estimators.likelihoods.folds import LeftOut, folds, presses, some_labels
 from tactsim.estimators.likelihoods.likelihood import Evidence, Likelihood, TaxelSum
 
-
 # Sequences of few and of many readings are tried.
 FEW, MANY = 3, 20
 # What was learned of how much readings err counts as so many readings of a trial that tell it.

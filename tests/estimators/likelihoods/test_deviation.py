@@ -32,9 +32,12 @@ def test_between_the_levels_too_it_integrates_to_one(predicted, slope, scale, st
 
 
 def test_the_integral_of_a_straight_line_is_the_closed_form():
-    assert integral(np.exp(3 * LEVELS), 3 * LEVELS, LEVELS) == pytest.approx((np.exp(4.2) - np.exp(-0.75)) / 3)
+    assert integral(np.exp(3 * LEVELS), 3 * LEVELS, LEVELS) == pytest.approx(
+        (np.exp(4.2) - np.exp(-0.75)) / 3
+    )
     rise = np.array([0, 1e-4, 9e-3, 2e-2])
-    log_p, exact = rise * LEVELS[:, None], np.append(1.65, np.diff(np.exp(rise[1:] * LEVELS[[0, -1], None]), axis=0) / rise[1:])
+    log_p, ends = rise * LEVELS[:, None], np.exp(rise[1:] * LEVELS[[0, -1], None])
+    exact = np.append(1.65, (ends[1] - ends[0]) / rise[1:])
     assert integral(np.exp(log_p), log_p, LEVELS) == pytest.approx(exact, rel=1e-11)
 
 
