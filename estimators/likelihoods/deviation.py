@@ -38,9 +38,12 @@ class Deviation:
         """
         column = (-1, *[1] * np.ndim(predicted))
         spread = _spread(_sources(predicted, slope, scale) @ self.variance, self.levels)
-        gaussian = _normal(self.levels.reshape(column) - predicted, spread)
-        p = (1 - self.stray) * gaussian + self.stray * self.background.reshape(column)
-        return np.asarray((log_p := np.log(p)) - np.log(integral(p, log_p, self.levels)), dtype=float)
+        p = _normal(self.levels.reshape(column) - predicted, spread)
+        p *= 1 - self.stray
+        p += self.stray * self.background.reshape(column)
+        log_p = np.log(p)
+        log_p -= np.log(integral(p, log_p, self.levels))
+        return log_p
 
 
 def learn_deviation(
@@ -88,9 +91,12 @@ def integral(p: FloatArray, log_p: FloatArray, levels: FloatArray) -> FloatArray
 
     Between two levels its mean is their logarithmic mean, or that mean's series where the two are nearly equal.
     """
-    rise = np.diff(log_p, axis=0)
-    mean = (p[1:] + p[:-1]) * (0.5 - rise**2 / 24)
-    np.divide(np.diff(p, axis=0), rise, out=mean, where=np.abs(rise) > 1e-3)
+    rise, mean = np.diff(log_p, axis=0), np.diff(p, axis=0)
+    flat = np.nonzero(np.abs(rise) < 1e-3)
+    series = (p[1:][flat] + p[:-1][flat]) * (0.5 - rise[flat] ** 2 / 24)
+    rise[flat] = 1.0
+    mean /= rise
+    mean[flat] = series
     return np.asarray((levels[1] - levels[0]) * mean.sum(axis=0), dtype=float)
 
 
@@ -106,5 +112,8 @@ def _spread(variance: FloatArray, levels: FloatArray) -> FloatArray:
 
 def _normal(away: FloatArray, variance: FloatArray) -> FloatArray:
     """Give the density of a Gaussian at a distance from its mean."""
-    density: FloatArray = np.exp(-(away**2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
+    density: FloatArray = away**2
+    density /= -2 * variance
+    np.exp(density, out=density)
+    density /= np.sqrt(2 * np.pi * variance)
     return density
