@@ -3,7 +3,7 @@
 Open-set recognition: a filter over the known letters always names one of them. Whether the object is that
 letter at all is told by the misfit of the readings, half of chi^2 beside what the letter's mosaic predicts at the
 best pose (`likelihoods.tilted_mosaic`), compared with the misfit of the letter's own training readings, each looked
-up in mosaics without itself.
+up in mosaics without itself, or with it, as those of an object are that lies as it did in training.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ class OpenSet:
     The filter's pose must be exact enough for a search to begin there: in the middle of a large bin, it may end
     in the wrong place.
 
-    mosaics: of all letters that were learned. misfit: by letter, how its own readings fit, at each load.
+    mosaics: of all letters that were learned. misfit: by letter, how its own readings fit, at each load: at new places,
+    and where the letter was pressed in training.
     """
 
     def __init__(self, options: OpenSetOptions, scan: Scan, maps: Mapping[str, OccupancyMap]) -> None:
@@ -76,7 +77,9 @@ class OpenSet:
         self._taxel_xy = scan.taxel_xy
         self.mosaics = TiltedMosaics(options)
         self.mosaics.fit(scan, maps)
-        self.misfit = {label: learn_misfit(self.mosaics, label) for label in maps}
+        self.misfit = {
+            label: [learn_misfit(self.mosaics, label, again) for again in (False, True)] for label in maps
+        }
         self.reset()
 
     def reset(self) -> None:
@@ -115,7 +118,9 @@ class OpenSet:
                 continue
             pose = self.mosaics.fitting_pose(label, start, readings, poses)
             total = float(self.mosaics.misfits(label, pose, readings, poses).sum())
-            against.append(math.log(p) - log_odds(self.misfit[label], total, len(readings)))
+            # Nobody says whether the object lies as it did in training: the letter has the better of both.
+            odds = min(log_odds(misfits, total, len(readings)) for misfits in self.misfit[label])
+            against.append(math.log(p) - odds)
         return -float(np.logaddexp.reduce(against))
 
     def _history(self, known: Estimate, path: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -148,15 +153,17 @@ def log_odds(misfits: Sequence[Misfit], total: float, readings: int) -> float:
     return math.log(len(against)) - float(np.logaddexp.reduce(against))
 
 
-def learn_misfit(mosaics: TiltedMosaics, label: str) -> tuple[Misfit, ...]:
+def learn_misfit(mosaics: TiltedMosaics, label: str, again: bool = False) -> tuple[Misfit, ...]:
     """Learn how the misfit of a letter's readings is spread, at each load at which its poses were felt.
 
     A place of the object may be known as well as where training readings were taken, or as badly as between them.
     A reading comes from either, and so does the mean: all that lies between the two is as likely.
 
-    One if no pose was felt at several loads.
+    again: whether the places are those of training itself. One if no pose was felt at several loads.
     """
     near, far, elsewhere = mosaics.left_out(label)
+    if again:
+        near = far = mosaics.kept(label)
     level = mosaics.load_levels(label)
     at_levels = [(near[level == load], far[level == load]) for load in np.unique(level)]
     return tuple(

@@ -128,6 +128,11 @@ class TiltedMosaics:
             self._planes(elsewhere, *out.near).misfit,
         )
 
+    def kept(self, label: str) -> FloatArray:
+        """Give the misfits of a letter's training readings (n,), none of which is left out."""
+        out = self._out[label]
+        return self.misfits(label, np.zeros(3), out.readings, out.poses)
+
     def load_levels(self, label: str) -> NDArray[np.intp]:
         """Tell a letter's training readings by their loads, (n,) from 0; one level if no pose was felt at several."""
         out = self._out[label]

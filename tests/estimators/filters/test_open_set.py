@@ -12,8 +12,8 @@ from scipy.integrate import quad
 from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.core import InputError, Scan
-from tactsim.estimators import NONE, create
-from tactsim.estimators.filters.open_set import Misfit, learn_misfit
+from tactsim.estimators import NONE, Estimate, create
+from tactsim.estimators.filters.open_set import Misfit, OpenSet, learn_misfit, log_odds
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 from tactsim.estimators.options import LikelihoodOptions
@@ -66,6 +66,31 @@ def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(mosaics
         assert misfit.drift == pytest.approx(abs(far.mean() - near.mean()) / math.sqrt(12))
         assert misfit.chance == elsewhere.mean() > misfit.mean + 3 * misfit.deviation
         assert 36 / 4 < near.mean() < 36  # half of chi^2 of 36 taxels is 18
+
+
+def test_readings_are_compared_with_those_at_new_places_or_those_of_training_whichever_fit_better(scan):
+    train = scan.where("train")
+    opened = OpenSet(create("refined", unknown=0.3).options, train, learn_maps(train))
+    for label in "EILT":
+        new, again = opened.misfit[label]
+        kept = opened.mosaics.kept(label)
+        mine = train.where(label=label)
+        assert kept == pytest.approx(opened.mosaics.misfits(label, np.zeros(3), mine.readings, mine.poses))
+        assert (again[0].mean, again[0].drift) == (pytest.approx(kept.mean()), 0)
+        assert again[0].mean < new[0].mean
+        opened.reset()
+        readings, poses = np.array(mine.readings[::5]), np.array(mine.poses[::5])
+        for reading, pose in zip(readings, poses, strict=True):
+            opened.keep(reading, pose)
+        known, path = Estimate(label, {label: 1.0}, np.zeros(3)), np.zeros_like(poses)
+        fitting = opened.mosaics.fitting_pose(label, np.zeros(3), readings, poses)
+        total = opened.mosaics.misfits(label, fitting, readings, poses).sum()
+        strange = [replace(new[0], mean=total / len(poses) / 3, deviation=0.1, drift=0.0)]
+        for first, second in itertools.permutations((new, again, strange), 2):
+            opened.misfit[label] = [first, second]
+            better = min(log_odds(one, total, len(poses)) for one in (first, second))
+            assert opened.log_odds(known, path, lambda: None) == pytest.approx(better)
+        assert log_odds(again, total, len(poses)) < 0 < log_odds(strange, total, len(poses))
 
 
 def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
