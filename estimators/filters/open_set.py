@@ -108,8 +108,8 @@ class OpenSet:
             return 0.0
         readings, poses = self._history(known, path)
         least = _NEGLIGIBLE * known.probabilities[known.label]
-        ranked = sorted(known.probabilities.items(), key=lambda item: -item[1])
-        against = []
+        ranked = sorted(known.probabilities.items(), key=lambda item: (item[0] != known.label, -item[1]))
+        against, asked = [], 0.0
         for label, p in [item for item in ranked[:_ASKED] if item[1] > least]:
             start: FloatArray | None = known.robot_in_object
             if label != known.label:
@@ -121,7 +121,9 @@ class OpenSet:
             # Nobody says whether the object lies as it did in training: the letter has the better of both.
             odds = min(log_odds(misfits, total, len(readings)) for misfits in self.misfit[label])
             against.append(math.log(p) - odds)
-        return -float(np.logaddexp.reduce(against))
+            asked += p
+        # Letters that are not asked are taken to fit as those that are.
+        return math.log(asked) - float(np.logaddexp.reduce(against))
 
     def _history(self, known: Estimate, path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Give the readings so far (n, taxels) and their poses (n, 3), as they would be had the object lain still.

@@ -14,6 +14,7 @@ from synthetic import draw_trial, fitted_anew, follow, make_scan, paper_poses
 from tactsim.core import InputError, Scan
 from tactsim.estimators import NONE, Estimate, create
 from tactsim.estimators.filters.open_set import Misfit, OpenSet, learn_misfit, log_odds
+from tactsim.estimators.filters.states import WeightedStates, Weights
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.likelihoods.tilted_mosaic import TiltedMosaics
 from tactsim.estimators.options import LikelihoodOptions
@@ -71,6 +72,7 @@ def test_a_letters_own_readings_fit_and_those_looked_up_elsewhere_do_not(mosaics
 def test_readings_are_compared_with_those_at_new_places_or_those_of_training_whichever_fit_better(scan):
     train = scan.where("train")
     opened = OpenSet(create("refined", unknown=0.3).options, train, learn_maps(train))
+    nowhere = WeightedStates(np.empty(0, dtype=int), np.empty((3, 0)), Weights(np.empty(0)), np.zeros(3))
     for label in "EILT":
         new, again = opened.misfit[label]
         kept = opened.mosaics.kept(label)
@@ -91,6 +93,9 @@ def test_readings_are_compared_with_those_at_new_places_or_those_of_training_whi
             better = min(log_odds(one, total, len(poses)) for one in (first, second))
             assert opened.log_odds(known, path, lambda: None) == pytest.approx(better)
         assert log_odds(again, total, len(poses)) < 0 < log_odds(strange, total, len(poses))
+        # The others have no state that could be asked: "none" does not win by that.
+        undecided = replace(known, probabilities=dict.fromkeys("EILT", 0.25))
+        assert opened.log_odds(undecided, path, lambda: nowhere) == pytest.approx(better)
 
 
 def test_one_training_reading_a_letter_says_nothing_of_the_unknown(scan):
