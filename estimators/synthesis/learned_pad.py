@@ -40,6 +40,7 @@ class LearnedPad:
 
     gain: (taxels,). noise: kPa. force: standard deviation of the factor's logarithm, the last nuisance; 0 for none.
     too_sure: by how many times squared errors of poses are larger than what expansions of readings say, at least 1.
+    usual: mean and standard deviation of log p of a training press at its known pose, the latter at least noise's own.
     """
 
     forward: ForwardModel
@@ -48,6 +49,7 @@ class LearnedPad:
     failing: float = 0.0
     force: float = _FORCE
     too_sure: float = 1.0
+    usual: tuple[float, float] = (-math.inf, 1.0)
     letters: tuple[str, ...] = field(init=False)
     reach: Mapping[str, float] = field(init=False)
     turns: int = field(init=False)
@@ -80,15 +82,15 @@ class LearnedPad:
         some = train.chosen(chosen)
         for _ in range(_ROUNDS):
             pad = pad.refitted(some.readings, pad.explained(some))
-        return replace(pad, too_sure=pad.surplus(some))
+        return pad.compared(some)
 
     @property
     def taxels(self) -> int:
         """Count the taxels of a reading."""
         return len(self.gain)
 
-    def surplus(self, presses: Scan) -> float:
-        """Compare squared errors of poses with what expansions say, by presses at known poses: their ratio, at least 1.
+    def compared(self, presses: Scan) -> LearnedPad:
+        """Learn from presses at known poses how probable they are, and by how much expansions are too sure.
 
         Of a pad that is as the model says, the score of the pose has the information as its variance and as its slope.
         Else the errors' covariance is the variance over the squared slope (Huber 1967), here one number for all ways.
@@ -101,15 +103,18 @@ class LearnedPad:
             predict = pressed(self, labels, compose(state, poses), readings, number)
             return expand(letter, state, poses, readings, number, predict, self.noise, self.failing)
 
-        information, ways = np.linalg.eigh(expanded(np.zeros_like(poses))[2].mean(axis=0))
+        log_p, _, every = expanded(np.zeros_like(poses))
+        usual = float(log_p.mean()), max(float(log_p.std()), math.sqrt(self.taxels / 2))
+        information, ways = np.linalg.eigh(every.mean(axis=0))
         told = information > _LEAST * information[-1]
         if not told.any():
-            return 1.0
+            return replace(self, usual=usual)
         whiten = (ways[:, told] / np.sqrt(information[told])).T
         off = _SHIFT * np.random.default_rng(0).standard_normal((len(poses), len(whiten)))
         up, down = (expanded(sign * off @ whiten)[1] @ whiten.T for sign in (1, -1))
         slope = max(float(((down - up) * off).sum() / (2 * (off**2).sum())), _FLATTEST)
-        return max(1.0, float((((up + down) / 2) ** 2).mean()) / slope**2)
+        too_sure = max(1.0, float((((up + down) / 2) ** 2).mean()) / slope**2)
+        return replace(self, too_sure=too_sure, usual=usual)
 
     def readings(self, letter: str, sensor_in_object: FloatArray) -> FloatArray:
         """Predict the readings (n, taxels) kPa of presses at poses (n, 3), of factor 1, without noise."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core.compiling import Bools1D, Ints1D, Reals1D, Reals2D, Reals3D, Reals4D, compiled
+from tactsim.core.compiling import Ints1D, Reals1D, Reals2D, Reals3D, Reals4D, compiled
 from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray
 
@@ -364,27 +364,25 @@ _FAR = 1.5  # standard deviations of what is left: a taxel that is farther off m
 
 @compiled(called_from_python=False)
 def fit_press(
-    z: Reals1D, mean: Reals2D, rows: Reals2D, n: int, noise: float, inside: Bools1D,
+    z: Reals1D, mean: Reals2D, rows: Reals2D, n: int, noise: float, weight: Reals1D,
     factor: Reals2D, off: Reals1D, left: Reals1D,
 ) -> float:  # fmt: skip
-    """Find how press n most probably was off in some ways, from the taxels inside; returns half the log-determinant.
+    """Find how press n most probably was off in some ways, from weighted taxels; returns half the log-determinant.
 
     mean: (., taxels). rows: (q, taxels) kPa, of one standard deviation in each way. factor: (q, q) becomes Cholesky's
-    factor of 1 + rows rows.T / noise^2, over the taxels inside. off: (q,) standard deviations. left: (taxels,) what is
-    left of the reading, over the noise.
+    factor of 1 + rows weight rows.T / noise^2. off: (q,) standard deviations. left: (taxels,) what is left of the
+    reading, over the noise.
     """
     taxels, q = len(z), len(rows)
     log_det = 0.0
     for a in range(q):
         off[a] = 0.0
         for t in range(taxels):
-            if inside[t]:
-                off[a] += rows[a, t] * (z[t] - mean[n, t]) / noise**2
+            off[a] += weight[t] * rows[a, t] * (z[t] - mean[n, t]) / noise**2
         for b in range(a + 1):
             total = 1.0 if a == b else 0.0
             for t in range(taxels):
-                if inside[t]:
-                    total += rows[a, t] * rows[b, t] / noise**2
+                total += weight[t] * rows[a, t] * rows[b, t] / noise**2
             for k in range(b):
                 total -= factor[a, k] * factor[b, k]
             factor[a, b] = math.sqrt(total) if a == b else total / factor[b, b]
@@ -407,43 +405,36 @@ def fit_press(
 @compiled(called_from_python=False)
 def find_failing(
     z: Reals1D, mean: Reals2D, nuisance: Reals2D, n: int, noise: float, failing: float,
-    factor: Reals2D, off: Reals1D, left: Reals1D, inside: Bools1D,
+    factor: Reals2D, off: Reals1D, left: Reals1D, weight: Reals1D,
 ) -> None:  # fmt: skip
-    """Find which taxels of press n do not fail, inside (taxels,), by iterated least squares.
+    """Find how probably each taxel of press n does not fail, weight (taxels,), by iterated least squares.
 
-    One fails that is farther off than a reading of anything is less probable. At first those are taken that are as
-    predicted, at a factor of 1, the last nuisance; if they are less than half, all, and the limit is wide.
+    Until that settles, one fails that is farther off than a reading of anything is less probable. At first those are
+    taken that are as predicted, at a factor of 1, the last nuisance; if less than half, all, and the limit is wide.
     """
-    inside[:] = True
+    weight[:] = 1.0
     if failing == 0:
         return
     taxels = len(z)
     span = z.max() - z.min() + 4 * noise
     limit = 2 * max(math.log((1 - failing) / failing * span / (noise * math.sqrt(2 * math.pi))), 0.0)
-    count = 0
     for t in range(taxels):
         variance = noise**2
         for a in range(len(nuisance) - 1):
             variance += nuisance[a, t] ** 2
-        inside[t] = (z[t] - mean[n, t]) ** 2 <= limit * variance
-        count += inside[t]
-    if 2 * count < taxels:
-        inside[:] = True
+        weight[t] = (z[t] - mean[n, t]) ** 2 <= limit * variance
+    if 2 * weight.sum() < taxels:
+        weight[:] = 1.0
+    now = limit
     for _ in range(_SETTLING):
-        fit_press(z, mean, nuisance, n, noise, inside, factor, off, left)
-        squares, count = 0.0, 0
-        for t in range(taxels):
-            if inside[t]:
-                squares += left[t] ** 2
-                count += 1
-        now = max(limit, _FAR**2 * squares / max(count, 1))
-        same = True
-        for t in range(taxels):
-            if inside[t] != (left[t] ** 2 <= now):
-                same = False
-                inside[t] = not inside[t]
-        if same:
-            return
+        fit_press(z, mean, nuisance, n, noise, weight, factor, off, left)
+        now = max(limit, _FAR**2 * (weight * left**2).sum() / max(weight.sum(), 1.0))
+        inside = (left**2 <= now).astype(np.float64)
+        if (inside == weight).all():
+            break
+        weight[:] = inside
+    for t in range(taxels):
+        weight[t] = 1 / (1 + math.exp(min((left[t] ** 2 - now) / 2, 700.0)))
 
 
 @compiled()
@@ -456,10 +447,10 @@ def likeliest_press(
     """
     taxels, q = mean.shape[1], nuisance.shape[1]
     off, left = np.empty((len(mean), q)), np.empty(taxels)
-    factor, inside = np.empty((q, q)), np.empty(taxels, dtype=np.bool_)
+    factor, weight = np.empty((q, q)), np.empty(taxels)
     for n in range(len(mean)):
-        find_failing(reading[n], mean, nuisance[n], n, noise, failing, factor, off[n], left, inside)
-        fit_press(reading[n], mean, nuisance[n], n, noise, inside, factor, off[n], left)
+        find_failing(reading[n], mean, nuisance[n], n, noise, failing, factor, off[n], left, weight)
+        fit_press(reading[n], mean, nuisance[n], n, noise, weight, factor, off[n], left)
     return off
 
 
@@ -472,7 +463,7 @@ def expand_all(
 
     reading: (m, taxels) kPa, of which prediction i is compared with number which[i]. mean: (n, taxels), by_pose:
     (n, 3, taxels), nuisance: (n, q, taxels), as in `Linearised`. failing: the probability that a taxel reads anything
-    in the range of the press's readings; those that most probably do are left out. The inverse of the covariance
+    in the range of the press's readings; each counts by the probability that it does not. The inverse of the covariance
     follows from a matrix q by q (Woodbury 1950), and what changes it with the pose is left out (Gauss and Newton).
     Returns log p (n,) at the pose, its gradient (n, 3) and its information (n, 3, 3).
     """
@@ -480,43 +471,35 @@ def expand_all(
     information = np.empty((len(mean), 3, 3))
     taxels, q = mean.shape[1], nuisance.shape[1]
     mixed = np.empty((3, q))  # nuisance times the three derivatives
-    factor, off, left, inside = (
-        np.empty((q, q)),
-        np.empty(q),
-        np.empty(taxels),
-        np.empty(taxels, dtype=np.bool_),
-    )
+    factor, off, left, weight = np.empty((q, q)), np.empty(q), np.empty(taxels), np.empty(taxels)
     constant = math.log(1 - failing) - 0.5 * math.log(2 * math.pi * noise * noise)
     for n in range(len(mean)):
         z = reading[which[n]]
-        find_failing(z, mean, nuisance[n], n, noise, failing, factor, off, left, inside)
-        value = -fit_press(z, mean, nuisance[n], n, noise, inside, factor, off, left)
+        find_failing(z, mean, nuisance[n], n, noise, failing, factor, off, left, weight)
+        value = -fit_press(z, mean, nuisance[n], n, noise, weight, factor, off, left)
         for a in range(q):
             value -= off[a] ** 2 / 2
             for i in range(3):
                 total = 0.0
                 for t in range(taxels):
-                    if inside[t]:
-                        total += nuisance[n, a, t] * by_pose[n, i, t]
+                    total += weight[t] * nuisance[n, a, t] * by_pose[n, i, t]
                 total /= noise**2
                 for k in range(a):
                     total -= factor[a, k] * mixed[i, k]
                 mixed[i, a] = total / factor[a, a]
-        failed = 0.0 if failing == 0 else math.log(failing / (z.max() - z.min() + 4 * noise))
+        failed = -math.inf if failing == 0 else math.log(failing / (z.max() - z.min() + 4 * noise))
         for t in range(taxels):
-            value += constant - left[t] ** 2 / 2 if inside[t] else failed
+            value += np.logaddexp(constant - left[t] ** 2 / 2, failed)
         log_p[n] = value
         for i in range(3):
             total = 0.0
             for t in range(taxels):
-                if inside[t]:
-                    total += by_pose[n, i, t] * left[t]
+                total += weight[t] * by_pose[n, i, t] * left[t]
             gradient[n, i] = total / noise
             for j in range(i + 1):
                 total = 0.0
                 for t in range(taxels):
-                    if inside[t]:
-                        total += by_pose[n, i, t] * by_pose[n, j, t]
+                    total += weight[t] * by_pose[n, i, t] * by_pose[n, j, t]
                 total /= noise**2
                 for a in range(q):
                     total -= mixed[i, a] * mixed[j, a]

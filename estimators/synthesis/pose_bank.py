@@ -16,7 +16,9 @@ from tactsim.core.poses import FloatArray
 from tactsim.estimators.synthesis.learned_pad import LearnedPad
 
 _PIECE = 4096  # poses that are pressed at a time
-_SURE = 4.0  # twice the logarithm of the range of a press's readings over what a cell's predictions are off by, roughly
+# Twice the logarithm of the range of a press's readings over what a cell's predictions are off by, roughly, and twice
+# that: off by far more at edges of the contact, where presses tell most, they would pass for failing.
+_SURE = 9.0
 _FORCES = 2.0  # standard deviations: so far a touch's factor is searched for
 
 

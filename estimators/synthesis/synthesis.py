@@ -51,7 +51,9 @@ _CELL = 0.6  # standard deviation of a cell's prior over its size; a sum of such
 _ROUGH = 3.0
 _ROUGH_LEAST = 0.2  # of a typical pressure, however little noise there is
 _FEW = 200  # modes; more are not compared with each other
-_RESTARTS = 4
+# The search begins anew, so often at most, where readings are less probable than training presses at their known poses:
+# that much less, in standard deviations of all of them together. A search that was not needed costs time alone.
+_RESTARTS, _SURPRISE = 4, 1.0
 # A reading is expanded again where its mode has moved by this share of its standard deviation, within limits in mm.
 _STALE, _STALE_MM = 0.25, (0.02, 0.25)
 
@@ -181,8 +183,10 @@ class Synthesis(Estimator):
                 self._modes = None if begun is None else self._settled(begun)
             return
         modes = self._settled(self._taken_in(self._modes, number))
-        best = int(modes.log_weight.argmax())
-        unexplained = modes.log_p_of_readings()[best, number] < self._floor[number]
+        log_p = modes.log_p_of_readings()[int(modes.log_weight.argmax())]
+        usual, spread = self.pad.usual
+        less = usual - float(np.maximum(log_p, self._floor[modes.number]).mean())
+        unexplained = log_p[-1] < self._floor[number] or less * math.sqrt(len(log_p)) > _SURPRISE * spread
         if unexplained and energy[number] > _CONTACT and self._restarts < _RESTARTS:
             self._restarts += 1
             begun = self._begun(number)

@@ -82,12 +82,13 @@ def test_a_taxel_that_reads_anything_moves_nothing():
         np.concatenate([rng.standard_normal((1, 2, 36)), 0.5 * mean[:, None]], axis=1),
         np.zeros(1, int),
     )
+    mean[0, 7] = 40
     felt = mean + rng.standard_normal((1, 36))
+    others = np.delete(np.arange(36), 7)
     broken = felt.copy()
-    broken[0, 7] += 60
+    broken[0, 7] = felt[0, others].min()  # within the range of the others, by which anything is meant
     clean = expand_all(felt, which, mean, by_pose, nuisance, 1.0, 0.1)
     _, gradient, information = expand_all(broken, which, mean, by_pose, nuisance, 1.0, 0.1)
-    others = np.delete(np.arange(36), 7)
     left_out = expand_all(
         felt[:, others], which, mean[:, others], np.ascontiguousarray(by_pose[..., others]),
         np.ascontiguousarray(nuisance[..., others]), 1.0, 0.1,
@@ -104,10 +105,19 @@ def test_squared_errors_of_poses_grow_as_what_the_model_is_not_told(forward, sca
     exact = np.concatenate([forward.readings(one, scan.poses[scan.labels == one]) for one in "IL"])
     felt = exact + scatter * (scan.readings - exact)
     scan = Scan(felt, scan.poses, scan.labels, scan.split, PAD)
-    assert LearnedPad.as_told(forward).surplus(scan) == pytest.approx(expected, rel=0.15)
+    assert LearnedPad.as_told(forward).compared(scan).too_sure == pytest.approx(expected, rel=0.15)
+
+
+def test_training_presses_say_how_probable_a_reading_is(forward):
+    """Of normal noise alone log p has the mean and variance of chi^2 with as many degrees as there are taxels."""
+    forward.noise = 1.5
+    scan = presses(forward, np.random.default_rng(3), count=400)
+    mean, spread = LearnedPad.as_told(forward).compared(scan).usual
+    assert mean == pytest.approx(-18 * np.log(2 * np.pi * 1.5**2) - 18, abs=0.8)
+    assert spread == pytest.approx(np.sqrt(18), rel=0.15)
 
 
 def test_presses_that_tell_nothing_of_poses_leave_the_belief_as_wide_as_it_is(forward):
     away = np.tile([500.0, 0.0, 0.0], (3, 1))
     scan = Scan(np.zeros((3, 36)), away, np.array(["I"] * 3), np.array(["train"] * 3), PAD)
-    assert LearnedPad.as_told(forward).surplus(scan) == 1
+    assert LearnedPad.as_told(forward).compared(scan).too_sure == 1

@@ -242,5 +242,8 @@ def test_poses_are_drawn_as_wide_as_presses_at_known_poses_ask_for(letters, monk
     wider = follow(letters, readings, poses)[-1]
     assert wider.probabilities == told.probabilities
     assert (wider.robot_in_object == told.robot_in_object).all()
+    away = [one.samples.poses - told.robot_in_object for one in (told, wider)]
+    for one in away:  # a search that began anew may have found the place a whole turn on
+        one[:, 2] = (one[:, 2] + np.pi) % (2 * np.pi) - np.pi
     # A mode beside the heaviest counts a little more.
-    np.testing.assert_allclose(np.cov(wider.samples.poses.T), 4 * np.cov(told.samples.poses.T), rtol=0.05)
+    np.testing.assert_allclose(np.cov(away[1].T), 4 * np.cov(away[0].T), rtol=0.05)
