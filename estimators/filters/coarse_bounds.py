@@ -237,11 +237,12 @@ class CoarseBins:
         reading, and how many times it need not.
         """
         field, coarse, count = self._field, self._coarse, len(self._field)
-        place = np.arange(len(coarse.upper))
+        place = self._likely  # those that were best are probably among the best again
         if self._skip:
             for reading in range(self._taken_in, count):
                 raise_bounds(coarse, self._levels, field.terms, reading)
-            place = self._likely  # those that were best are probably among the best again
+        else:
+            place = np.arange(len(coarse.upper))
         evaluated, together = 0, max(_ROUND, keep + 1)
         # The highest log-beliefs that are known; from `least` on bins are listed.
         kept, least = np.full(keep + 1, -np.inf), -np.inf
