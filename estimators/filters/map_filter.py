@@ -47,12 +47,14 @@ if TYPE_CHECKING:  # parts, and what they need, are imported by the filters that
     from tactsim.estimators.likelihoods.calibrated import CalibratedLikelihood
     from tactsim.estimators.pad_fit import PadFit
 
-# Of an object that is watched: the prior probability that it lies still, the least with which regions of what does grow
-# by .1 or so; and a motion is looked for once rest has less than the second, after so many readings or more.
-_LIES_STILL, _STIRRED, _FEWEST = 0.8, 0.3, 3
-# A motion leaves at most that share unexplained of what is not explained at rest; one that leaves more than the second,
-# or so, is none.
-_LEFT, _MUCH_LEFT = 0.1, 0.5
+# Of an object that is watched: the prior probability that it lies still; and a motion is looked for once rest has less
+# than the second of what regions allow for, after so many readings or more.
+_LIES_STILL, _STIRRED, _FEWEST = 0.8, 0.02, 3
+# A motion that is followed leaves at most that share unexplained of what is not explained at rest; one that leaves more
+# than the second is none.
+_LEFT, _MUCH_LEFT = 0.3, 0.5
+# The next look is after so many times as many touches.
+_AGAIN = 1.5
 # An object is followed on while it moves with this probability, and as letters that are more probable than the second.
 _AT_REST, _UNLIKELY = 0.04, 1e-4
 # Bytes that a filter holds for a bin of a letter and for a particle: logs, indices, and room to list and sum them.
@@ -224,7 +226,7 @@ class MapFilter(Estimator):
         self._reset(rng)
         if self.moving is not None or self._watched:
             self._stirring, self._kept = rng.spawn(1)[0], list[Callable[[], WeightedStates]]()
-            self._next_look = 0.0
+            self._next_look, self._none = 0.0, False
         if self._watched:
             self.moving = None
         elif self.moving is not None:
@@ -276,7 +278,7 @@ class MapFilter(Estimator):
             return
         self._kept.append(self._keep())
         if self.moving is not None and self.moving.probability < _AT_REST:
-            self.moving, self._next_look = None, 2 * self.touches
+            self.moving, self._none, self._next_look = None, True, _AGAIN * self.touches
         elif self.touches >= self._next_look and (self.moving is not None or self._stirred()):
             self._look()
 
@@ -284,11 +286,11 @@ class MapFilter(Estimator):
         """Follow the object, or let it lie, by whether a motion explains the readings.
 
         To follow it is to take all touches in again by a belief that moves, as if it had been there from the first on,
-        beside what the filter held at each, of the letters that are likely at rest. The next look is after as many
+        beside what the filter held at each, of the letters that are likely at rest. The next look is after half as many
         touches again; there is none if a motion explains next to nothing of what it did not before either, or if the
         filter cannot tell: then the object is followed on.
         """
-        first, self._next_look = not self._next_look, 2 * self.touches
+        first, self._next_look = not self._next_look, _AGAIN * self.touches
         moving = self.moving or self._moving_belief()
         assert moving is not None
         if self.moving is None:
@@ -297,9 +299,10 @@ class MapFilter(Estimator):
             self.moving = moving
             moving.reset(self._stirring, likely)
             moving.take_in(self._kept, self.log_p_in)
-        left = self.left_along(moving)
-        if left > _LEFT or moving.probability < _AT_REST:
+        left, still = self.left_along(moving), moving.probability < _AT_REST
+        if left > _LEFT or still:
             self.moving = None
+        self._none = left > _MUCH_LEFT or still
         if (left > _MUCH_LEFT and not first) or self.shares_of_walks() is None:
             self._next_look = math.inf
             self._kept.clear()
@@ -323,9 +326,11 @@ class MapFilter(Estimator):
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and the pose T_R^O of the most probable letter, mm and rad."""
         self._check_started("estimate")
-        known = self.own_estimate() if self.moving is None else self.moving.estimate()
-        if self._watched and self.moving is None and self.touches >= self._next_look:
-            known = self._perhaps_moved(known)
+        if self.moving is not None and not self._watched:
+            known = self.moving.estimate()
+        else:
+            own = self._perhaps_moved(self.own_estimate())
+            known = own if self.moving is None else self.moving.estimate(own)
         against = 0.0
         if self.open_set is not None:
             against = self.open_set.log_odds(known, self.path(known), self.weighted_states)
@@ -343,7 +348,12 @@ class MapFilter(Estimator):
         return self.frames.estimate_back(known)
 
     def _perhaps_moved(self, known: Estimate) -> Estimate:
-        """Let the samples of an object at rest tell where it is if it moved, too slowly as yet to be seen."""
+        """Let the samples of an object at rest tell where it is if it moved, too slowly as yet to be seen.
+
+        Not from when a motion was looked for and is none until the next look.
+        """
+        if not self._watched or (self._none and self.touches < self._next_look):
+            return known
         shares = self.shares_of_walks()
         if shares is None or len(shares) == 1 or known.samples is None:
             return known

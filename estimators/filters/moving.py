@@ -178,12 +178,15 @@ class MovingBelief:
         """Weigh placements (n, 3) by a reading: (n,)."""
         return self._filter.log_p(letter, self._motion.state(placement), touch)
 
-    def estimate(self) -> Estimate:
-        """Sum the models for each letter; take the pose from the likelier model of the best letter."""
+    def estimate(self, held: Estimate | None = None) -> Estimate:
+        """Sum the models for each letter; take the pose from the likelier model of the best letter.
+
+        held: the estimate of the filter's own belief, if it was made already.
+        """
         if not self._past:
-            return self._filter.own_estimate()
+            return held or self._filter.own_estimate()
         labels = self._filter.labels
-        known = self._filter.own_estimate() if self._motion.still is not None else None
+        known = (held or self._filter.own_estimate()) if self._motion.still is not None else None
         models = self._models(known)
         # A letter that neither belief is about has no pose to state.
         stated = np.array(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tactsim.core import Scan, invert
+from tactsim.core import Scan
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.estimator import Estimate, Options, PlaneBelief, probabilities
 from tactsim.estimators.field.table_field import TableField
@@ -30,7 +30,7 @@ from tactsim.estimators.filters.map_filter import GridFilter
 from tactsim.estimators.filters.placement import mean_around
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
-from tactsim.estimators.filters.trust_kernels import influence_at
+from tactsim.estimators.filters.trust_kernels import each_reading, influence
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
 
@@ -140,7 +140,7 @@ class RefinedFilter(GridFilter):
         every = len(self.labels) * self.grid.bins
         # Where the cells of each size end (sizes,); the cells that were not halved, and their log-beliefs, (n,) each.
         self._leaves = np.array([every]), np.arange(every), np.zeros(every)
-        self._weight, self._unexplained, self._spread = self.trust(0), 0.0, math.nan
+        self._weight, self._unexplained, self._shares = self.trust(0), 0.0, np.ones(1)
         self._belief = None
 
     def measure(self) -> None:
@@ -180,12 +180,8 @@ class RefinedFilter(GridFilter):
         self._unreplayed += unreplayed
 
     def shares_of_walks(self) -> FloatArray | None:
-        """Weigh rest and walks by how much readings disagree about the place beside left-out training readings."""
-        count = len(self.field)
-        if self.motion is None or math.isnan(self._spread):
-            return np.ones(1)
-        disagreement = self.trust.disagreement(count, self._weight)
-        return self.motion.shares(count, self._spread, disagreement)
+        """Weigh rest and walks by how, and in which order, readings disagree about the place."""
+        return self._shares
 
     def left_along(self, moving: MovingBelief) -> float:
         """Tell what share of what is not explained at rest is not along the path of a belief that moves either.
@@ -269,20 +265,22 @@ class RefinedFilter(GridFilter):
 
     def _influence(self) -> float:
         """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
-        count, self._spread = len(self.field), math.nan
-        if count < 2 or not self.trust.many or not isinstance(self.field, TableField):
+        count, self._shares = len(self.field), np.ones(1)
+        if count < 2 or min(self.trust.few, self.trust.many) <= 0 or not isinstance(self.field, TableField):
             return math.nan
         cells, weights = self._belief_in_cells()
         best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         states = cells.some(mine[some]).states
-        if self._watched:
-            self._spread = float(invert(states.T)[:, :2].var(axis=0).mean())
-        return influence_at(
+        log_p, place = each_reading(
             states, best, self.field.terms, max(0, count - _READINGS), count,
             self.field.tables.sampled,
         )  # fmt: skip
+        moved = influence(log_p, np.ones(len(some)), place)
+        if self._watched and self.motion is not None and not math.isnan(moved):
+            self._shares = self.motion.shares(count, place.T, log_p, self.trust.shown(count))
+        return moved
 
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""

@@ -116,11 +116,9 @@ class Trust:
         found = shown_error(self(readings), readings, influence) / self._seen(readings)
         return 1 / ((_TRAINED * apart + others * found) / (_TRAINED + others) + self.shared * readings)
 
-    def disagreement(self, readings: int, weight: float) -> float:
-        """Give how many times as much as in training readings err by themselves that have this weight of `given`."""
-        others = readings - 1
-        mixed = (1 / weight - self.shared * readings) / self._apart(readings)
-        return ((_TRAINED + others) * mixed - _TRAINED) / others
+    def shown(self, readings: int) -> float:
+        """Give the variance in a belief by which one reading pulls its mean, in units of the jackknife's."""
+        return self(readings) / (self._seen(readings) * self._apart(readings))
 
     def _apart(self, readings: int) -> float:
         """Give how much too small the likelihood says the variance is of the error that each reading has by itself."""

@@ -26,8 +26,9 @@ _NOTHING = 50.0
 def influence(log_p: Reals2D, weight: Reals1D, place: Reals2D) -> float:
     """Average over readings the squared move of the mean, in units of the belief's variance; nan if it has none.
 
-    log_p: (readings, n) of states. weight: (n,) of the states in the belief, of any unit. place: (2, n) of the object,
-    mm. A move is per unit of the weight of log p. Its square is Mahalanobis' distance squared, half of it for an axis.
+    log_p: (readings, n) of states. weight: (n,) of the states in the belief, of any unit. place: (2 or more, n) of the
+    object, mm. A move is per unit of the weight of log p. Its square is Mahalanobis' distance squared, half of it for
+    an axis.
     """
     total = mean_x = mean_y = 0.0
     for k in range(len(weight)):
@@ -54,19 +55,21 @@ def influence(log_p: Reals2D, weight: Reals1D, place: Reals2D) -> float:
 
 
 @compiled()
-def influence_at(state: Reals2D, letter: int, terms: Terms, first: int, last: int, sampled: Sampled) -> float:
-    """Compute `influence` of readings first, ..., last - 1 on a belief of equally probable states of one letter.
+def each_reading(
+    state: Reals2D, letter: int, terms: Terms, first: int, last: int, sampled: Sampled
+) -> tuple[Reals2D, Reals2D]:
+    """Compute log p of readings first, ..., last - 1 each by itself: (readings, n), and placements (3, n) of T_O^R.
 
-    state: (3, n) T_R^O mm, mm, rad. Other arguments as for `replay`.
+    state: (3, n) T_R^O mm, mm, rad of one letter. Other arguments as for `replay`.
     """
     count = state.shape[1]
-    letters, weight = np.full(count, letter), np.ones(count)
-    log_p, place = np.zeros((last - first, count)), np.empty((2, count))
+    letters = np.full(count, letter)
+    log_p, place = np.zeros((last - first, count)), np.empty((3, count))
     for k in range(count):
-        place[0, k], place[1, k], _ = inverse(state[0, k], state[1, k], state[2, k])
+        place[0, k], place[1, k], place[2, k] = inverse(state[0, k], state[1, k], state[2, k])
     for reading in range(first, last):
         replay(log_p[reading - first], state, letters, terms, reading, reading + 1, sampled)
-    return influence(log_p, weight, place)
+    return log_p, place
 
 
 @compiled()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 from synthetic import fitted, fitted_anew, follow, make_scan, paper_poses
 
 from tactsim.bench.config import Slip
@@ -14,7 +15,7 @@ from tactsim.core import InputError, compose, invert
 from tactsim.estimators import create
 from tactsim.estimators.estimator import PoseSamples
 from tactsim.estimators.filters.clouds import Cloud, add_densities, advance
-from tactsim.estimators.filters.motion import Motion, parse_motion
+from tactsim.estimators.filters.motion import _FELT, Motion, parse_motion
 from tactsim.estimators.filters.states import Weights
 
 MAP_FILTERS = {
@@ -286,18 +287,35 @@ def test_an_object_that_lies_still_after_all_is_followed_no_further(small):
     assert not followed[-1]
 
 
-def test_readings_that_disagree_tell_how_far_an_object_walks():
-    """What a walk and its readings err by is found by drawing them; a belief of rest widens to hold the last place."""
+def test_rest_and_walks_are_weighed_by_the_density_of_the_places_that_readings_say():
+    """Against the normal density of how far a reading's place is from the one before, by steps and errors."""
+    motion, rng, count, error = parse_motion("auto"), np.random.default_rng(0), 5, 0.4
+    read = rng.standard_normal((count, 3)).cumsum(axis=0) / 2
+    apart = np.linalg.qr(rng.standard_normal((200, 3)))[0] * error * np.sqrt(200 / count)
+    placement = read.mean(axis=0) + np.concatenate([apart, -apart])  # the belief at rest
+    log_p = -((placement - read[:, None]) ** 2).sum(axis=2) / 2 / error**2
+    of_errors = error**2 * (2 * np.eye(count - 1) - np.eye(count - 1, k=1) - np.eye(count - 1, k=-1))
+    expected = np.array(
+        [
+            multivariate_normal(cov=of_errors + step * np.eye(count - 1))
+            .logpdf(np.diff(read, axis=0).T)
+            .sum()
+            for step in (0.0, *motion.variance)
+        ]
+    )
+    for counted in (1.0, 4.0):  # a log-likelihood that says half as much and counts as much again
+        shares = motion.shares(count, placement * [1, 1, motion.ratio], log_p / np.sqrt(counted), counted)
+        odds = np.log(shares / _FELT)
+        np.testing.assert_allclose(odds - odds[0], expected - expected[0])
+
+
+def test_a_belief_of_rest_widens_to_hold_the_last_place_of_a_walk():
     motion, count, error = parse_motion("auto"), 6, 0.3
     rng = np.random.default_rng(0)
     for k, variance in enumerate(motion.variance, 1):
         place = np.cumsum(rng.standard_normal((4000, count, 3)) * np.sqrt(variance), axis=1)
-        read = place + rng.standard_normal(place.shape) * error
-        mean = read.mean(axis=1, keepdims=True)
-        disagreement = ((read - mean) ** 2).sum() / (4000 * 3 * (count - 1)) / error**2
-        shares = motion.shares(count, error**2 / count, disagreement)
-        assert (shares / np.append(motion.still, (1 - motion.still) * motion.prior)).argmax() == k
-        away = (place[:, -1] - mean[:, 0]).var()
+        mean = (place + rng.standard_normal(place.shape) * error).mean(axis=1)
+        away = (place[:, -1] - mean).var()
         samples = PoseSamples(
             motion.state(rng.standard_normal((900, 3)) * error / np.sqrt(count)).T, np.full(900, 1 / 900)
         )
@@ -305,7 +323,6 @@ def test_readings_that_disagree_tell_how_far_an_object_walks():
         said = np.cov(motion.placed(wide.poses.T).T, aweights=wide.weights).trace() / 3
         assert said == pytest.approx(away, rel=0.1)
         assert wide.weights.sum() == pytest.approx(1)
-    assert motion.shares(count, error**2 / count, 1.0)[0] > motion.still
 
 
 def test_where_an_object_is_that_may_have_moved_is_less_sure_and_stated_as_before(two):
@@ -326,7 +343,7 @@ def test_two_readings_that_disagree_are_too_few_to_tell_of_a_move(two):
     said = []
     for count, (reading, pose) in enumerate(zip(readings, poses, strict=True), 1):
         estimator.update(reading, pose)
-        estimator._weight, estimator._spread = estimator.trust(count) / 5, 0.1 if count > 1 else np.nan
+        estimator._shares = np.eye(4)[2] if count > 1 else np.ones(1)  # as if surely it walked
         said.append(estimator._stirred())
     assert said == [False] * 2 + [True] * 3
 

@@ -13,8 +13,8 @@ from tactsim.core import compose, invert
 from tactsim.estimators.filters import trust
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.trust_kernels import (
+    each_reading,
     influence,
-    influence_at,
     influence_in_sequences,
     mostly_held,
     sums_of_readings,
@@ -175,7 +175,7 @@ def test_it_is_the_squared_covariance_of_place_and_log_p_in_units_of_the_varianc
     assert influence(log_p - 1e3, 7 * weight, place + 5) == pytest.approx(by_definition(log_p, weight, place))
 
 
-def test_at_states_it_is_that_of_what_the_field_says_there():
+def test_readings_say_of_states_each_by_itself_what_the_field_says():
     scan = make_scan("EL", poses=paper_poses(3, 6))
     estimator = fitted_anew("refined", scan, bins=500, cell=0.8)
     test = scan.where("test", "L")
@@ -183,8 +183,9 @@ def test_at_states_it_is_that_of_what_the_field_says_there():
     field = estimator.field
     state = np.random.default_rng(2).normal(scale=[[2.0], [2.0], [1.0]], size=(3, 40))
     log_p = np.array([field.log_p(1, state, one, one + 1) for one in range(2, 6)])
-    found = influence_at(state, 1, field.terms, 2, 6, field.tables.sampled)
-    assert found == pytest.approx(by_definition(log_p, np.ones(40), invert(state.T)[:, :2].T))
+    found, place = each_reading(state, 1, field.terms, 2, 6, field.tables.sampled)
+    np.testing.assert_allclose(found, log_p)
+    np.testing.assert_allclose(place, invert(state.T).T)
 
 
 def test_in_sequences_it_is_the_mean_over_them_with_moves_the_other_way_in_mirrored_readings():
