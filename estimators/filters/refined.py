@@ -83,7 +83,8 @@ class RefinedFilter(GridFilter):
 
     Where the readings are explained worse, even by the best cell, than left-out training readings are, by u nats more
     than chance explains, letters are told apart only by differences that are large beside u: their probabilities are
-    taken to the power 1 / (1 + u) (temperature scaling: Guo et al. 2017). Label and place do not change by it.
+    taken to the power 1 / (1 + u) (temperature scaling: Guo et al. 2017). Label and place do not change by it; where
+    `minds_misfit`, the belief about the place is wider, too (`Misfit.dispersion`).
 
     Of more than a million bins, as large objects need whose place is unknown, the best 100,000 hold the belief.
 
@@ -94,6 +95,7 @@ class RefinedFilter(GridFilter):
     options_type: type[Options] = RefinedOptions
     options: RefinedOptions
     mixes_loads = True
+    minds_misfit = False
     trust: Trust
     _belief: tuple[Cells, Weights] | None  # once it was asked for
 
@@ -199,8 +201,11 @@ class RefinedFilter(GridFilter):
     def own_estimate(self) -> Estimate:
         """Sum the belief of each letter (eq. 14); average the placement around the best letter's mode."""
         cells, weights = self._belief_in_cells()
+        best, mass = self.likeliest(self._letter_mass(cells.letter, weights))
+        if self.minds_misfit and self._unexplained:
+            dispersion = self.trust.misfit.dispersion(len(self.field), self._unexplained)
+            cells, weights = self._held(self._weight / dispersion)
         letter, log_weight = cells.letter, weights.log
-        best, mass = self.likeliest(self._letter_mass(letter, weights))
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         # Only these cells are placed: at first there are many others.
@@ -285,10 +290,13 @@ class RefinedFilter(GridFilter):
     def _belief_in_cells(self) -> tuple[Cells, Weights]:
         """Give the cells that were not split and are not negligible, and what they hold."""
         if self._belief is None:
-            end, cell, log_p = self._leaves
-            times, index, log_weight = held(end, cell, log_p, self._weight, _NEGLIGIBLE)
-            self._belief = Cells(self.grid, times, index), Weights(log_weight)
+            self._belief = self._held(self._weight)
         return self._belief
+
+    def _held(self, weight: float) -> tuple[Cells, Weights]:
+        end, cell, log_p = self._leaves
+        times, index, log_weight = held(end, cell, log_p, weight, _NEGLIGIBLE)
+        return Cells(self.grid, times, index), Weights(log_weight)
 
 
 class ForceMosaicOptions(RefinedOptions):
@@ -329,4 +337,5 @@ class StackedFilter(RefinedFilter):
     """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves."""
 
     options_type: type[Options] = StackedOptions
+    minds_misfit = True
     draws = True  # once a motion is seen

@@ -70,8 +70,15 @@ class Misfit:
         """Give what of the misfit of a sequence, nats, left-out training readings would not have, chance included."""
         if math.isinf(self.mean):
             return 0.0
-        by_chance = _BY_CHANCE * self.deviation * math.sqrt(readings)
-        return max(0.0, misfit - readings * self.mean - by_chance)
+        return max(0.0, misfit - self._most(readings))
+
+    def dispersion(self, readings: int, unexplained: float) -> float:
+        """Give by what factor readings vary more than in training, if so much is unexplained (Wedderburn 1974)."""
+        return 1 + unexplained / self._most(readings)
+
+    def _most(self, readings: int) -> float:
+        """Give the misfit, nats, that chance leaves of all but one training sequence in twenty."""
+        return readings * self.mean + _BY_CHANCE * self.deviation * math.sqrt(readings)
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,21 @@ def test_readings_that_disagree_about_the_place_count_less_than_readings_that_ag
     assert ratio[1.0] < 0.8 < ratio[0.0] < 1.5
 
 
+@pytest.mark.parametrize(("felt", "wider"), [("I", False), ("T", True)])
+def test_the_default_widens_the_place_and_not_the_label_of_what_it_cannot_explain(small, felt, wider):
+    estimator, scan = fitted_anew("stacked", small, bins=2000, motion="off"), small
+    if wider:
+        scan = make_scan("T", poses=paper_poses(positions=4, angles=12))
+    readings, poses, _ = draw_trial(scan, felt, 12, np.random.default_rng(2))
+    known = updated(estimator, readings, poses).estimate()
+    assert (known.unexplained > 0) == wider
+    estimator.minds_misfit = False
+    narrow = estimator.estimate()
+    assert (known.label, known.probabilities) == (narrow.label, narrow.probabilities)
+    spread = [np.trace(one.covariance[:2, :2]) for one in (known, narrow)]
+    assert spread[0] > 1.5 * spread[1] if wider else spread[0] == spread[1]
+
+
 def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty(small):
     # E, I and L are known; T is felt, which is explained worse the more is felt of it.
     estimator, whole = (

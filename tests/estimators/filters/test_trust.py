@@ -155,7 +155,10 @@ def test_one_sequence_of_training_in_twenty_is_badly_explained():
     rng, misfit = np.random.default_rng(3), trust.Misfit(9.0, 5.0)
     sums = rng.normal(9.0, 5.0, (20_000, 8)).sum(axis=1)
     assert np.mean([misfit.unexplained(8, one) > 0 for one in sums]) == pytest.approx(0.05, abs=0.008)
-    assert misfit.unexplained(8, 200.0) == pytest.approx(200 - 72 - 1.645 * 5 * math.sqrt(8))
+    most = 72 + 1.645 * 5 * math.sqrt(8)
+    assert misfit.unexplained(8, 200.0) == pytest.approx(200 - most)
+    assert misfit.dispersion(8, misfit.unexplained(8, 200.0)) == pytest.approx(200 / most)
+    assert misfit.dispersion(8, 0.0) == 1
 
 
 def by_definition(log_p, weight, place):
