@@ -73,8 +73,11 @@ class Misfit:
         return max(0.0, misfit - self._most(readings))
 
     def dispersion(self, readings: int, unexplained: float) -> float:
-        """Give by what factor readings vary more than in training, if so much is unexplained (Wedderburn 1974)."""
-        return 1 + unexplained / self._most(readings)
+        """Give by what factor readings vary more than in training, if so much is unexplained (Wedderburn 1974).
+
+        Training readings that are explained exactly are taken to lack one nat.
+        """
+        return 1 + unexplained / max(self._most(readings), 1.0)
 
     def _most(self, readings: int) -> float:
         """Give the misfit, nats, that chance leaves of all but one training sequence in twenty."""

@@ -159,6 +159,7 @@ def test_one_sequence_of_training_in_twenty_is_badly_explained():
     assert misfit.unexplained(8, 200.0) == pytest.approx(200 - most)
     assert misfit.dispersion(8, misfit.unexplained(8, 200.0)) == pytest.approx(200 / most)
     assert misfit.dispersion(8, 0.0) == 1
+    assert trust.Misfit(0.0, 0.0).dispersion(8, 3.0) == 4  # what a pad of no noise has learned
 
 
 def by_definition(log_p, weight, place):
