@@ -114,17 +114,37 @@ def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
     return np.where(count[level] >= _COMMON * len(level), level, _LEVELS)
 
 
-def loads_of(train: Scan) -> NDArray[np.intp]:
+def _images(train: Scan) -> tuple[FloatArray, FloatArray]:
+    """Give each reading the pose of its press (n, 3), and what was felt in all windows of its image together (n, 1).
+
+    An image are the first readings of a press at each pose, or the second ones, and so on.
+    """
+    poses, press = _pressed(train)
+    place = np.unique(_rounded(train.poses), axis=0, return_inverse=True)[1].reshape(-1)
+    at = press * len(press) + place
+    order = np.argsort(at, kind="stable")
+    number = np.empty(len(at), dtype=np.intp)
+    number[order] = np.arange(len(at)) - np.searchsorted(at[order], at[order])
+    image = np.unique(press * len(press) + number, return_inverse=True)[1].reshape(-1)
+    return poses[press], np.bincount(image, train.readings.sum(axis=1)).astype(float)[image, None]
+
+
+def loads_of(train: Scan, of_images: bool = False) -> NDArray[np.intp]:
     """Tell the loads of training readings apart: (n,), from 0, the lightest; all 0 if they are of one load.
 
     They are the shares of its press's load at which each was taken, or without those what was felt at a pose beside the
     most that was felt there. Where poses were found by laying presses over each other, which come to lie at the same
     ones by chance, nothing tells loads apart.
+
+    of_images: whether windows of one image tell its load together; one by itself, which the object hardly reaches,
+    feels more and less by chance.
     """
     if train.moments is None and "aligned" in train.meta:
         return np.zeros(len(train), dtype=np.intp)
     if train.moments is None:
-        load = by_letter(lambda of_letter: load_levels(of_letter.poses, of_letter.readings), train)
+        load = by_letter(
+            lambda one: load_levels(*(_images(one) if of_images else (one.poses, one.readings))), train
+        )
         return np.unique(load, return_inverse=True)[1].reshape(-1)
     return np.unique(np.round(train.moments, 6), return_inverse=True)[1].reshape(-1)
 

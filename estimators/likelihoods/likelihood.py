@@ -68,12 +68,14 @@ class Likelihood(ABC):
 
     options_type: its options, which a filter with this model has beside its own. of_pressures: whether it predicts
     pressures, so that the response curve matters to it. of_classes: whether the threshold and the ratio of eq. 3 do.
+    loads_of_images: whether windows of one image tell their load together (`folds.loads_of`).
     maps: by letter, as `fit` was given them. taxel_xy: (taxels, 2) mm.
     """
 
     options_type: ClassVar[type[MapOptions]] = MapOptions
     of_pressures: ClassVar[bool] = False
     of_classes: ClassVar[bool] = True
+    loads_of_images: ClassVar[bool] = False
     maps: Mapping[str, OccupancyMap]
     taxel_xy: FloatArray
     # Under how many loads a reading may have been taken: `load_mixture.LoadMixture` has several.
@@ -207,7 +209,7 @@ def create(options: LikelihoodOptions, train: Scan | None = None) -> Likelihood:
     """
     kind = kind_of(options.likelihood)
     if train is not None and issubclass(kind, TaxelSum):
-        load = loads_of(train)
+        load = loads_of(train, kind.loads_of_images)
         if load.any():
             from tactsim.estimators.likelihoods.load_mixture import LoadMixture
 

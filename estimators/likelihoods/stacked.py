@@ -34,6 +34,7 @@ class StackedLikelihood(TaxelSum):
     options_type = CountedOptions
     of_pressures: ClassVar[bool] = True
     moves = 2048
+    loads_of_images: ClassVar[bool] = True
 
     def __init__(self, options: MapOptions) -> None:
         super().__init__(options)

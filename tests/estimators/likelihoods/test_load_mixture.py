@@ -64,6 +64,24 @@ def test_without_stated_shares_loads_are_told_by_what_was_felt_at_each_pose():
     assert not loads_of(train.chosen(shares == 0.5)).any()
 
 
+def test_windows_of_one_image_tell_its_load_together():
+    rng = np.random.default_rng(0)
+    press, share, window = np.meshgrid(np.arange(8), SHARES, np.arange(3), indexing="ij")
+    felt = (share * np.array([40.0, 300.0, 0.0])[window]).ravel()
+    felt += rng.uniform(0, 30, len(felt))  # which is all there is in the third window
+    poses = np.column_stack([5.0 * window.ravel(), np.zeros((len(felt), 2))])
+    train = Scan.from_arrays(np.outer(felt, np.ones(36)), poses, ["A"] * len(felt))
+    train = replace(train, presses=press.ravel())
+    expected = (share == 1).ravel()
+    assert np.array_equal(loads_of(train, of_images=True), expected)
+    assert not np.array_equal(loads_of(train), expected)
+    one = train.chosen(expected)
+    assert not loads_of(one, of_images=True).any()
+    assert loads_of(one).any()
+    apart = replace(train, presses=None)
+    assert np.array_equal(loads_of(apart, of_images=True), loads_of(apart))
+
+
 @pytest.mark.parametrize("name", ["calibrated", pytest.param("force", marks=pytest.mark.long)])
 def test_log_p_is_the_log_of_the_mean_over_the_loads(both, name):
     options = LikelihoodOptions(likelihood=name)
