@@ -117,7 +117,7 @@ def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
 def _images(train: Scan) -> tuple[FloatArray, FloatArray]:
     """Give each reading the pose of its press (n, 3), and what was felt in all windows of its image together (n, 1).
 
-    An image are the first readings of a press at each pose, or the second ones, and so on.
+    The readings of a press that come first at each pose are one image, those that come second another, and so on.
     """
     poses, press = _pressed(train)
     place = np.unique(_rounded(train.poses), axis=0, return_inverse=True)[1].reshape(-1)
