@@ -19,9 +19,10 @@ _JUMP, _JUMPS = 4.0, 0.001  # mm, standard deviation of a jump along an axis, an
 # misplaced press may speak for a jump by some six nats; after a jump of 5 mm three touches mostly do so by ten.
 _STILL, _BEGINS = 0.9, 0.00025
 _SWITCH = 0.02  # how often the scale changes from one touch to the next
-# The prior of rest and of each scale in regions, until a motion is seen: no belief about objects, but that with which
-# regions of what lies still hold some .95, and those of what walks by .5 mm nearly .9. Few touches cannot tell.
-_FELT = (0.1, 0.01, 0.59, 0.3)
+# The prior of rest and of each scale in regions, until a motion is seen: no belief about objects, but one with which
+# regions of what lies still hold about as much more than they say as those of what walks hold less. Few touches cannot
+# tell.
+_FELT = (0.25, 0.05, 0.45, 0.25)
 _WALKED = 512  # samples of a belief that may have walked
 _LEAST = 0.01, 0.0006  # mm, rad: densities need a width
 
