@@ -168,8 +168,8 @@ class RefinedFilter(GridFilter):
                 cell, log_p, self._limits, weight, self.field, self.grid
             )
             unreplayed = 0
-        self._leaves, self._weight, self._belief = (end, left, left_log_p), weight, None
-        self._weight, self._belief = self.trust.given(len(self.field), self._influence()), None
+        self._leaves, self._belief = (end, left, left_log_p), None
+        self._weight = self.trust.given(len(self.field), self._influence(weight))
         missed = self.field.bound() - float(left_log_p.max())
         self._unexplained = self.trust.misfit.unexplained(len(self.field), missed)
         self._badly_explained += self._unexplained > 0 and self.moving is None
@@ -268,12 +268,12 @@ class RefinedFilter(GridFilter):
             mass = np.where(mass > 0, mass, of_bins)
         return np.maximum(mass ** (1 / (1 + self._unexplained)), math.exp(-_NEGLIGIBLE))
 
-    def _influence(self) -> float:
-        """Find how far a reading moves the belief about the place of the best letter, for `Trust.given`."""
+    def _influence(self, weight: float) -> float:
+        """Find how far a reading moves the belief of a weight about the best letter's place, for `Trust.given`."""
         count, self._shares = len(self.field), np.ones(1)
-        if count < 2 or min(self.trust.few, self.trust.many) <= 0 or not isinstance(self.field, TableField):
+        if count < 2 or not self.trust.corrected or not isinstance(self.field, TableField):
             return math.nan
-        cells, weights = self._belief_in_cells()
+        cells, weights = self._held(weight)
         best = int(letter_mass(cells.letter, weights, len(self.labels)).argmax())
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)

@@ -109,6 +109,11 @@ class Trust:
         count = max(readings, 1)
         return 1 / (self._apart(count) + self.shared * count)
 
+    @property
+    def corrected(self) -> bool:
+        """Tell whether readings may correct the weight: the jackknife was tried on left-out ones, and found some."""
+        return self.few > 0 and self.many > 0
+
     def given(self, readings: int, influence: float) -> float:
         """Give the weight of a sequence that tells itself how much its readings err.
 
@@ -120,7 +125,7 @@ class Trust:
         times that of training, where s is the ratio of what is found to what is expected, and m the readings that
         training is worth.
         """
-        if readings < 2 or math.isnan(influence) or not (self.few > 0 and self.many > 0):
+        if readings < 2 or math.isnan(influence) or not self.corrected:
             return self(readings)
         apart, others = self._apart(readings), readings - 1
         found = shown_error(self(readings), readings, influence) / self._seen(readings)

@@ -364,21 +364,21 @@ _FAR = 1.5  # standard deviations of what is left: a taxel that is farther off m
 
 @compiled(called_from_python=False)
 def fit_press(
-    z: Reals1D, mean: Reals2D, rows: Reals2D, n: int, noise: float, weight: Reals1D,
+    z: Reals1D, mean: Reals1D, rows: Reals2D, noise: float, weight: Reals1D,
     factor: Reals2D, off: Reals1D, left: Reals1D,
 ) -> float:  # fmt: skip
-    """Find how press n most probably was off in some ways, from weighted taxels; returns half the log-determinant.
+    """Find how a press most probably was off in some ways, from weighted taxels; returns half the log-determinant.
 
-    mean: (., taxels). rows: (q, taxels) kPa, of one standard deviation in each way. factor: (q, q) becomes Cholesky's
-    factor of 1 + rows weight rows.T / noise^2. off: (q,) standard deviations. left: (taxels,) what is left of the
-    reading, over the noise.
+    z, mean: (taxels,) kPa, what was read and is predicted. rows: (q, taxels) kPa, of one standard deviation in each
+    way. factor: (q, q) becomes Cholesky's factor of 1 + rows weight rows.T / noise^2. off: (q,) standard deviations.
+    left: (taxels,) what is left of the reading, over the noise.
     """
     taxels, q = len(z), len(rows)
     log_det = 0.0
     for a in range(q):
         off[a] = 0.0
         for t in range(taxels):
-            off[a] += weight[t] * rows[a, t] * (z[t] - mean[n, t]) / noise**2
+            off[a] += weight[t] * rows[a, t] * (z[t] - mean[t]) / noise**2
         for b in range(a + 1):
             total = 1.0 if a == b else 0.0
             for t in range(taxels):
@@ -395,7 +395,7 @@ def fit_press(
             off[a] -= factor[k, a] * off[k]
         off[a] /= factor[a, a]
     for t in range(taxels):
-        total = z[t] - mean[n, t]
+        total = z[t] - mean[t]
         for a in range(q):
             total -= off[a] * rows[a, t]
         left[t] = total / noise
@@ -404,10 +404,10 @@ def fit_press(
 
 @compiled(called_from_python=False)
 def find_failing(
-    z: Reals1D, mean: Reals2D, nuisance: Reals2D, n: int, noise: float, failing: float,
+    z: Reals1D, mean: Reals1D, nuisance: Reals2D, noise: float, failing: float,
     factor: Reals2D, off: Reals1D, left: Reals1D, weight: Reals1D,
 ) -> None:  # fmt: skip
-    """Find how probably each taxel of press n does not fail, weight (taxels,), by iterated least squares.
+    """Find how probably each taxel of a press does not fail, weight (taxels,), by iterated least squares.
 
     Until that settles, one fails that is farther off than a reading of anything is less probable. At first those are
     taken that are as predicted, at a factor of 1, the last nuisance; if less than half, all, and the limit is wide.
@@ -422,12 +422,12 @@ def find_failing(
         variance = noise**2
         for a in range(len(nuisance) - 1):
             variance += nuisance[a, t] ** 2
-        weight[t] = (z[t] - mean[n, t]) ** 2 <= limit * variance
+        weight[t] = (z[t] - mean[t]) ** 2 <= limit * variance
     if 2 * weight.sum() < taxels:
         weight[:] = 1.0
     now = limit
     for _ in range(_SETTLING):
-        fit_press(z, mean, nuisance, n, noise, weight, factor, off, left)
+        fit_press(z, mean, nuisance, noise, weight, factor, off, left)
         now = max(limit, _FAR**2 * (weight * left**2).sum() / max(weight.sum(), 1.0))
         inside = (left**2 <= now).astype(np.float64)
         if (inside == weight).all():
@@ -449,8 +449,8 @@ def likeliest_press(
     off, left = np.empty((len(mean), q)), np.empty(taxels)
     factor, weight = np.empty((q, q)), np.empty(taxels)
     for n in range(len(mean)):
-        find_failing(reading[n], mean, nuisance[n], n, noise, failing, factor, off[n], left, weight)
-        fit_press(reading[n], mean, nuisance[n], n, noise, weight, factor, off[n], left)
+        find_failing(reading[n], mean[n], nuisance[n], noise, failing, factor, off[n], left, weight)
+        fit_press(reading[n], mean[n], nuisance[n], noise, weight, factor, off[n], left)
     return off
 
 
@@ -475,8 +475,8 @@ def expand_all(
     constant = math.log(1 - failing) - 0.5 * math.log(2 * math.pi * noise * noise)
     for n in range(len(mean)):
         z = reading[which[n]]
-        find_failing(z, mean, nuisance[n], n, noise, failing, factor, off, left, weight)
-        value = -fit_press(z, mean, nuisance[n], n, noise, weight, factor, off, left)
+        find_failing(z, mean[n], nuisance[n], noise, failing, factor, off, left, weight)
+        value = -fit_press(z, mean[n], nuisance[n], noise, weight, factor, off, left)
         for a in range(q):
             value -= off[a] ** 2 / 2
             for i in range(3):
