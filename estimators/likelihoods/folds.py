@@ -97,6 +97,11 @@ def _rounded(poses: FloatArray) -> NDArray[np.int64]:
     return key
 
 
+def _alike(poses: FloatArray) -> NDArray[np.intp]:
+    """Give poses (n, 3) numbers from 0, the same ones the same: (n,)."""
+    return np.unique(_rounded(poses), axis=0, return_inverse=True)[1].reshape(-1)
+
+
 def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
     """Divide training readings (n, taxels) at poses (n, 3) by their loads: (n,), quarters of the largest at each pose.
 
@@ -105,7 +110,7 @@ def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:
     of fewer than a tenth of the readings come of noise, where hardly anything is felt; they count as the highest.
     """
     felt = np.maximum(readings.sum(axis=1), 0)
-    which = np.unique(_rounded(poses), axis=0, return_inverse=True)[1].reshape(-1)
+    which = _alike(poses)
     most = np.zeros(int(which.max(initial=-1)) + 1)
     np.maximum.at(most, which, felt)
     share = np.divide(felt, most[which], out=np.ones_like(felt), where=most[which] > 0)
@@ -120,8 +125,7 @@ def _images(train: Scan) -> tuple[FloatArray, FloatArray]:
     The readings of a press that come first at each pose are one image, those that come second another, and so on.
     """
     poses, press = _pressed(train)
-    place = np.unique(_rounded(train.poses), axis=0, return_inverse=True)[1].reshape(-1)
-    at = press * len(press) + place
+    at = press * len(press) + _alike(train.poses)
     order = np.argsort(at, kind="stable")
     number = np.empty(len(at), dtype=np.intp)
     number[order] = np.arange(len(at)) - np.searchsorted(at[order], at[order])
