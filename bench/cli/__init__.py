@@ -10,8 +10,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from _thread import interrupt_main
 from pathlib import Path
-from typing import NoReturn
+from threading import Timer, main_thread
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 INTERRUPTED, NOBODY_READS = 130, 141  # as a shell says of a command that SIGINT or SIGPIPE has ended
 
@@ -20,6 +25,7 @@ def main() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
     # A scheduler or a container ends it as Ctrl-C does: frames are kept, and nothing is left half-written.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.unraisablehook = _come_again
     for size in ("COLUMNS", "LINES"):  # 0 where a terminal does not say: nothing would fit
         if not os.environ.get(size, "").strip("0"):
             os.environ.pop(size, None)
@@ -37,6 +43,22 @@ def main() -> NoReturn:
         if isinstance(ended.__context__, BrokenPipeError):  # which rich takes for a failure
             status = NOBODY_READS
         sys.exit(_printed(status))
+
+
+def _come_again(lost: UnraisableHookArgs) -> None:
+    """Let an interrupt come again that came where Python cannot raise it, in a `__del__` or a callback.
+
+    Compilers keep such a place busy for long. This function is called there too: thus from another thread, soon.
+    """
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    if sys.platform == "win32":
+        again = Timer(0.05, interrupt_main)
+    else:  # a signal also ends a sleep; SIGINT may be ignored, as behind `nohup`
+        again = Timer(0.05, signal.pthread_kill, [main_thread().ident, signal.SIGTERM])
+    again.daemon = True
+    again.start()
 
 
 def _let_matplotlib_keep_its_fonts() -> None:

@@ -385,6 +385,29 @@ def test_a_run_that_cannot_be_saved_is_printed(here, monkeypatch, tmp_path, more
         assert "results  " not in result.stdout
 
 
+LOSES_IT = """\
+import os, signal, sys, time, weakref
+from tactsim.bench.cli import app, main
+
+def lose_an_interrupt():
+    thing = type("Thing", (), {})()
+    kept = weakref.ref(thing, lambda gone: os.kill(os.getpid(), int(sys.argv[1])))
+    del thing  # calls that function: an error that is raised there is lost
+    time.sleep(60)
+
+app.run_app = lose_an_interrupt
+main()
+"""
+
+
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_where_python_can_raise_nothing_comes_again(tmp_path, ended_by):
+    words = [sys.executable, "-c", LOSES_IT, str(int(ended_by))]
+    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=30)
+    assert ended.stderr == "bench: interrupted; nothing half-written was kept\n"
+    assert ended.returncode == 130
+
+
 def test_an_interrupt_while_modules_are_imported_ends_alike(monkeypatch, capsys):
     class Interrupts:
         def find_spec(self, name, path, target=None):
