@@ -12,7 +12,7 @@ import signal
 import sys
 from _thread import interrupt_main
 from pathlib import Path
-from threading import Timer, main_thread
+from threading import Timer
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
@@ -48,17 +48,16 @@ def main() -> NoReturn:
 def _come_again(lost: UnraisableHookArgs) -> None:
     """Let an interrupt come again that came where Python cannot raise it, in a `__del__` or a callback.
 
-    Compilers keep such a place busy for long. This function is called there too: thus from another thread, soon.
+    While Python collects garbage there are many. This function is called there too, so the other comes later.
     """
     if not issubclass(lost.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
         return
     if sys.platform == "win32":
-        again = Timer(0.05, interrupt_main)
-    else:  # a signal also ends a sleep; SIGINT may be ignored, as behind `nohup`
-        again = Timer(0.05, signal.pthread_kill, [main_thread().ident, signal.SIGTERM])
-    again.daemon = True
-    again.start()
+        Timer(0.05, interrupt_main).start()
+    else:
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
 
 
 def _let_matplotlib_keep_its_fonts() -> None:
