@@ -22,7 +22,7 @@ import numpy as np
 from page_blocks import asked_for, exit_status, fill_blocks, fill_page
 
 import tactsim
-from tactsim.bench.intervals import mean
+from tactsim.bench.intervals import Figure, mean
 from tactsim.bench.results import Run
 from tactsim.bench.runs.saved import load
 from tactsim.bench.runs.tables import heading, markdown_table
@@ -94,15 +94,19 @@ def _rows(name: str, runs: Mapping[str, Sequence[Run]]) -> list[list[str]]:
         if metric not in VALUES:
             continue
         values = {method: VALUES[metric](of)[:, int(reading) - 1] for method, of in scored.items()}
-        better = CURVES[metric].better
-        best = max(CHOICE, key=lambda method: better * values[method].mean())
-        less = mean(values[DEFAULT] - values[best], default.sizes)
-        if less.value is None or less.low is None or less.high is None:  # a place that nobody knows
+        known = [method for method in CHOICE if not np.isnan(values[method]).any()]
+        if not known or np.isnan(values[DEFAULT]).any():  # a place that nobody knows
             continue
+        best = max(known, key=lambda method: CURVES[metric].better * values[method].mean())
+        less = mean(values[DEFAULT] - values[best], default.sizes)
         cells = ["-" if np.isnan(of).any() else f"{of.mean():.3f}" for of in values.values()]
-        apart = f"{less.value:+.3f} ({less.low:+.3f} to {less.high:+.3f})"
-        rows.append(["" if rows else trials, heading(figure), *cells, apart])
+        rows.append(["" if rows else trials, heading(figure), *cells, _apart(less)])
     return rows
+
+
+def _apart(less: Figure) -> str:
+    ends = "" if less.low is None or less.high is None else f" ({less.low:+.3f} to {less.high:+.3f})"
+    return f"{less.value or 0.0:+.3f}{ends}"
 
 
 def main(words: Sequence[str]) -> int:
