@@ -90,7 +90,7 @@ TABLES := better paper-better robustness slip open-set active paper paper-like t
 tables: $(DEVELOP)  ## do the sweeps that are not done yet, and fill the tables of the documentation from them
 	@for suite in $(TABLES); do $(BIN)/bench sweep $$suite || exit; done
 	@$(BIN)/python docs/tools/page_tables.py README.md docs/results.md docs/method.md docs/estimators.md
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/page_default.py results/default docs/results.md docs/recordings.md
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/page_default.py results/sweeps/default docs/results.md docs/recordings.md
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/page_performance.py docs/performance.md
 
 tutorials: $(DOCS)  ## run the tutorials, and keep in the notebooks what they print and show
