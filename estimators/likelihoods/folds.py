@@ -78,28 +78,25 @@ def as_one(train: Scan, values: FloatArray, weight: FloatArray) -> tuple[FloatAr
     Returns places (n * taxels, 2) mm, values and weights.
     """
     xy = transform(train.poses, train.taxel_xy).reshape(-1, 2)
-    key = _rounded(np.column_stack([xy, np.repeat(train.poses[:, 2], len(train.taxel_xy))]))
-    place, which = np.unique(key, axis=0, return_inverse=True)
-    if len(place) == len(xy):
+    which = _alike(np.column_stack([xy, np.repeat(train.poses[:, 2], len(train.taxel_xy))]))
+    if which.max(initial=-1) == len(xy) - 1:
         return xy, values, weight
-    which = which.reshape(-1)
     whole = np.bincount(which, weight).astype(float)
     sums = np.bincount(which, weight * values).astype(float)
     mean = np.divide(sums, whole, out=np.zeros_like(sums), where=whole > 0)
     return xy, mean[which], whole[which]
 
 
-def _rounded(poses: FloatArray) -> NDArray[np.int64]:
-    """Count places and angles (n, 3) in steps of `_SAME`, so that the same ones are equal; whole turns do not count."""
+def _alike(poses: FloatArray) -> NDArray[np.intp]:
+    """Give poses (n, 3), places or angles, numbers from 0, the same ones the same: (n,); whole turns do not count."""
     key = np.round(poses / _SAME).astype(np.int64)
     around = np.round(np.mod(poses[:, 2], 2 * np.pi) / _SAME).astype(np.int64)
     key[:, 2] = np.where(around == np.round(2 * np.pi / _SAME), 0, around)
-    return key
-
-
-def _alike(poses: FloatArray) -> NDArray[np.intp]:
-    """Give poses (n, 3) numbers from 0, the same ones the same: (n,)."""
-    return np.unique(_rounded(poses), axis=0, return_inverse=True)[1].reshape(-1)
+    order = np.lexsort(key.T)  # ten times as fast as `np.unique` of rows
+    other = (np.diff(key[order], axis=0) != 0).any(axis=1)
+    which = np.empty(len(key), dtype=np.intp)
+    which[order] = np.append(0, other).cumsum()[: len(key)]
+    return which
 
 
 def load_levels(poses: FloatArray, readings: FloatArray) -> NDArray[np.intp]:

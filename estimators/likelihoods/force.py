@@ -72,12 +72,12 @@ class ForceLikelihood(TaxelSum):
         # The scale of a reading that covers no taxel wholly is below its pressure. For a training reading the
         # mosaic tells by how much.
         for _ in range(_TURNS):
-            predicted = self._learn(train, pressure)
+            predicted = self._foretold(train, pressure)
             self.gain = gains(train.readings / pressure[:, None], predicted, pressure)
             scale, relative = self.relative(train.readings)
             pressure = scale * pressures(relative, predicted, scale > self.least)
-        self._learn(train, pressure)
         self._pressure = pressure
+        self.mosaics = self._mosaics_without(train, np.zeros(len(train), dtype=bool), tuple(maps))
         out, xy = LeftOut.of(train), transform(train.poses, train.taxel_xy)
 
         def predict(gone: NDArray[np.bool_]) -> FloatArray:
@@ -90,18 +90,13 @@ class ForceLikelihood(TaxelSum):
         predicted, slope = out.predicted(predict)
         return predicted, relative, slope, scale, out.known
 
-    def _learn(self, train: Scan, pressure: FloatArray) -> FloatArray:
-        """Learn the mosaics from training readings under pressures (n,) kPa.
-
-        Returns what they predict without any taxel that lay just like it: (n, taxels).
-        """
-        self.mosaics: dict[str, Mosaic] = {}
+    def _foretold(self, train: Scan, pressure: FloatArray) -> FloatArray:
+        """Predict training readings under pressures (n,) kPa without any taxel that lay just like it: (n, taxels)."""
         predicted = np.empty(train.readings.shape)
         for label in self.maps:
             mine = train.labels == label
             xy, values, counts = self._taxels(train, pressure, mine)
             learned = learn_with_spread(xy, values, counts, self._grid(label))
-            self.mosaics[label] = learned.mosaic
             alone = learned.without(*as_one(train.where(label=label), values, counts))
             predicted[mine] = alone.reshape(-1, len(train.taxel_xy))
         return predicted
