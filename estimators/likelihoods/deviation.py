@@ -92,11 +92,11 @@ def integral(p: FloatArray, log_p: FloatArray, levels: FloatArray) -> FloatArray
     Between two levels its mean is their logarithmic mean, or that mean's series where the two are nearly equal.
     """
     rise, mean = np.diff(log_p, axis=0), np.diff(p, axis=0)
-    flat = np.nonzero(np.abs(rise) < 1e-3)
-    series = (p[1:][flat] + p[:-1][flat]) * (0.5 - rise[flat] ** 2 / 24)
-    rise[flat] = 1.0
+    flat = np.flatnonzero(np.abs(rise) < 1e-3)
+    series = (p[1:].take(flat) + p[:-1].take(flat)) * (0.5 - rise.take(flat) ** 2 / 24)
+    rise.put(flat, 1.0)
     mean /= rise
-    mean[flat] = series
+    mean.put(flat, series)
     return np.asarray((levels[1] - levels[0]) * mean.sum(axis=0), dtype=float)
 
 

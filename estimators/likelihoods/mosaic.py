@@ -35,10 +35,11 @@ class Mosaic:
     def __call__(self, xy: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Interpolate bilinearly at points (..., 2) mm: the value, and the squared slope in mm^-2."""
         value, slope = np.zeros((2, *np.shape(xy)[:-1]))
-        steep = (self.plane[..., 1:] ** 2).sum(axis=-1)
+        level, steep = self.plane[..., 0].ravel(), (self.plane[..., 1:] ** 2).sum(axis=-1)
         for share, row, column, _ in self.around(xy):
-            value += share * self.plane[row, column, 0]
-            slope += share * steep[row, column]
+            node = row * steep.shape[1] + column
+            value += share * level[node]
+            slope += share * steep.take(node)
         return value, slope / self.cell**2
 
     def around(
