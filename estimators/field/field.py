@@ -54,6 +54,10 @@ class LikelihoodField(ABC):
         letter: (n,) or one for all, index into `labels`. state: (3, n) T_R^O mm, mm, rad.
         """
 
+    def each(self, letter: ArrayLike, state: FloatArray, first: int, last: int) -> FloatArray:
+        """Give log p(z | letter, state) of each of readings first, ..., last - 1: (readings, n) nats, as `log_p`."""
+        return np.array([self.log_p(letter, state, k, k + 1) for k in range(first, last)])
+
     @abstractmethod
     def bound(self, first: int = 0) -> float:
         """Give an upper bound of log p of readings first and later, nats, for any letter and state; inf if unknown."""

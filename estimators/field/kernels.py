@@ -126,15 +126,16 @@ def record(
 
 @compiled()
 def replay(
-    log_p: Reals1D, state: Reals2D, letter: Ints1D, terms: Terms, first: int, last: int, sampled: Sampled
+    log_p: Reals2D, state: Reals2D, letter: Ints1D, terms: Terms, first: int, last: int, sampled: Sampled
 ) -> None:
     """Add log p(z | x) (eq. 7) of readings first, ..., last - 1 to the log-beliefs of states anywhere.
 
     Of a reading that may have been taken under several loads it is the log of their mean.
 
-    log_p: (states,). state: (3, states) T_R^O. letter: (states,). A state's terms are added one by one, in order: it
-    does not matter in how many calls, or beside which others. Each of three loops over a block of states is compiled to
-    instructions for many states at once: find their places, read the nodes around them, interpolate.
+    log_p: (1, states), or (readings, states) for each reading by itself. state: (3, states) T_R^O. letter: (states,). A
+    state's terms are added one by one, in order: it does not matter in how many calls, or beside which others. Each of
+    three loops over a block of states is compiled to instructions for many states at once: find their places, read the
+    nodes around them, interpolate.
     """
     lattice, begin = sampled.lattice, terms.start
     _, letters, rows, columns = sampled.nodes.shape
@@ -146,8 +147,8 @@ def replay(
     none, last_column, last_row = float32(0), float32(columns - 1), float32(rows - 1)
     second_column, second_row, width = int32(columns - 2), int32(rows - 2), int32(columns)
     half, next_node, next_row = uint32(16), uint64(1), uint64(columns)
-    for block in range(0, len(log_p), _BLOCK):
-        count = min(_BLOCK, len(log_p) - block)
+    for block in range(0, len(letter), _BLOCK):
+        count = min(_BLOCK, len(letter) - block)
         states, padded = uint64(count), uint64(-(-count // LANES) * LANES)
         for k in range(count):
             cos, sin = math.cos(state[2, block + k]), math.sin(state[2, block + k])
@@ -199,11 +200,11 @@ def replay(
                     below = lower_left + right[k] * (lower_right - lower_left)
                     beyond = upper_left + right[k] * (upper_right - upper_left)
                     total[k] += weight * (below + above[k] * (beyond - below))
-            load = row % terms.loads
+            load, into = row % terms.loads, log_p[row // terms.loads - first if len(log_p) > 1 else 0]
             for k in range(count):
                 value = terms.constant[row, letter[block + k]] + total[k]
                 if load > 0:
                     value = max(mixed[k], value) + math.log1p(math.exp(-abs(mixed[k] - value)))
                 mixed[k] = value
                 if load == terms.loads - 1:
-                    log_p[block + k] += value
+                    into[block + k] += value

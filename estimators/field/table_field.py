@@ -200,13 +200,18 @@ class TableField(LikelihoodField):
         self, letter: ArrayLike, state: FloatArray, first: int = 0, last: int | None = None
     ) -> FloatArray:
         """Sum log p(z | letter, state) over some readings, see `LikelihoodField.log_p`."""
-        count = state.shape[1]
-        letters = np.full(count, letter, dtype=np.int64)
-        log_p = np.zeros(count)
-        replay(
-            log_p, np.ascontiguousarray(state), letters, self.terms, first,
-            self._readings if last is None else last, self.tables.sampled,
-        )  # fmt: skip
+        log_p = np.zeros((1, state.shape[1]))
+        return self._add(log_p, letter, state, first, self._readings if last is None else last)[0]
+
+    def each(self, letter: ArrayLike, state: FloatArray, first: int, last: int) -> FloatArray:
+        """Give log p(z | letter, state) of some readings, see `LikelihoodField.each`."""
+        return self._add(np.zeros((last - first, state.shape[1])), letter, state, first, last)
+
+    def _add(
+        self, log_p: FloatArray, letter: ArrayLike, state: FloatArray, first: int, last: int
+    ) -> FloatArray:
+        letters = np.full(state.shape[1], letter, dtype=np.int64)
+        replay(log_p, np.ascontiguousarray(state), letters, self.terms, first, last, self.tables.sampled)
         return log_p
 
     def bound(self, first: int = 0) -> float:

@@ -141,16 +141,16 @@ def evaluate(now: Halved, before: Halved, times: int, skip: bool, history: Histo
                 known += 1
     for old in range(2):
         these = np.flatnonzero((place >= 0) == (old == 1))
-        parts, total = np.empty(8 * len(these), dtype=np.int64), np.zeros(8 * len(these))
+        parts, total = np.empty(8 * len(these), dtype=np.int64), np.zeros((1, 8 * len(these)))
         letter, state = np.empty_like(parts), np.empty((3, len(parts)))
         halve(parts, state, letter, cell[these], times, bins)
         if old:
             for k in range(len(parts)):
-                total[k] = before.log_p[times, 8 * place[these[k // 8]] + k % 8]
+                total[0, k] = before.log_p[times, 8 * place[these[k // 8]] + k % 8]
         replay(total, state, letter, history.terms, readings - 1 if old else 0, readings, history.sampled)
         for k in range(len(parts)):
             i = 8 * these[k // 8] + k % 8
-            half[i], log_p[i] = parts[k], total[k]
+            half[i], log_p[i] = parts[k], total[0, k]
     return known
 
 

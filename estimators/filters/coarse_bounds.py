@@ -119,6 +119,7 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
     letters, angles, rows, columns = coarse.counts
     _, phases_y, phases_x, node_rows, width = levels.level.shape
     flat, plane = levels.level.reshape(levels.level.size), node_rows * width
+    table = phases_y * phases_x * plane
     node_columns, place, xy, loads = width // letters, levels.place, terms.xy, terms.loads
     start = terms.start[reading * loads : (reading + 1) * loads + 1]
     total = np.empty(rows * columns * letters, dtype=np.float32)
@@ -140,7 +141,12 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
         most[:] = -np.inf
         for load in range(loads):
             total[:] = 0
-            for i in range(start[load], start[load + 1]):
+            term, last = start[load], start[load + 1]
+            while term < last:
+                # Terms of one taxel follow each other and are at one place: up to three are added in one go.
+                i, term = term, term + 1
+                while term < min(i + 3, last) and xy[term, 0] == xy[i, 0] and xy[term, 1] == xy[i, 1]:
+                    term += 1
                 x = (cos * xy[i, 0] - sin * xy[i, 1] + place[0]) / place[2]
                 y = (sin * xy[i, 0] + cos * xy[i, 1] + place[1]) / place[3]
                 if not (abs(x) < _FAR and abs(y) < _FAR):
@@ -152,13 +158,25 @@ def raise_bounds(coarse: Coarse, levels: Levels, terms: Terms, reading: int) -> 
                 )
                 # The bins whose place is on the lattice, from and to; beyond it a table is 0.
                 begin, end = max(0, -left) * letters, min(columns, node_columns - left) * letters
-                corner = ((terms.kind[i] * phases_y + step_y) * phases_x + step_x) * plane + left * letters
-                factor = float32(terms.weight[i] * levels.step)
+                corner = (step_y * phases_x + step_x) * plane + left * letters + below * width + begin
+                # Of fewer than three terms the last is named again, and counts nothing.
+                kind = terms.kind[i], terms.kind[min(i + 1, term - 1)], terms.kind[term - 1]
+                one = float32(terms.weight[i] * levels.step)
+                two = float32(terms.weight[i + 1] * levels.step if term > i + 1 else 0)
+                three = float32(terms.weight[i + 2] * levels.step if term > i + 2 else 0)
                 for row in range(max(0, -below), min(rows, node_rows - below)):
-                    source = uint64(corner + (row + below) * width + begin)
                     target = uint64(row * columns * letters + begin)
-                    for k in range(uint64(max(0, end - begin))):
-                        total[target + k] += factor * float32(flat[source + k])
+                    first = uint64(kind[0] * table + corner + row * width)
+                    second = uint64(kind[1] * table + corner + row * width)
+                    third = uint64(kind[2] * table + corner + row * width)
+                    if term == i + 1:
+                        for k in range(uint64(max(0, end - begin))):
+                            total[target + k] += one * float32(flat[first + k])
+                    else:
+                        for k in range(uint64(max(0, end - begin))):
+                            sums = total[target + k] + one * float32(flat[first + k])
+                            sums += two * float32(flat[second + k])
+                            total[target + k] = sums + three * float32(flat[third + k])
             raise_to(most, total, constant[load])
         upper = coarse.upper[angle * len(most) : (angle + 1) * len(most)]
         for k in range(len(most)):
@@ -172,32 +190,27 @@ def evaluate_bins(coarse: Coarse, place: Ints1D, terms: Terms, sampled: Sampled,
     place: (n,) flat indices. Returns how many times a bin took in a reading.
     """
     letters, _, rows, columns = coarse.counts
-    evaluated = 0
-    # Those of which many have waited for the same readings are evaluated together.
+    # Those that have waited longest come first: so those that take in a reading are the first ones, more and more.
     order = place[np.argsort(coarse.seen[place], kind="mergesort")]
-    begin = 0
-    while begin < len(order):
-        first, end = coarse.seen[order[begin]], begin
+    state, letter = np.empty((3, len(order))), np.empty(len(order), dtype=np.int64)
+    for k in range(len(order)):
+        rest, letter[k] = divmod(order[k], letters)
+        rest, column = divmod(rest, columns)
+        angle, row = divmod(rest, rows)
+        state[0, k], state[1, k] = coarse.middle[column], coarse.middle[columns + row]
+        state[2, k] = coarse.middle[columns + rows + angle]
+    log_p, evaluated, end = coarse.log_p[order], 0, 0
+    while end < len(order):
+        first, last = coarse.seen[order[end]], count
         while end < len(order) and coarse.seen[order[end]] == first:
             end += 1
-        some = order[begin:end]
-        state, letter, log_p = (
-            np.empty((3, len(some))),
-            np.empty(len(some), dtype=np.int64),
-            coarse.log_p[some],
-        )
-        for k in range(len(some)):
-            rest, letter[k] = divmod(some[k], letters)
-            rest, column = divmod(rest, columns)
-            angle, row = divmod(rest, rows)
-            state[0, k], state[1, k] = coarse.middle[column], coarse.middle[columns + row]
-            state[2, k] = coarse.middle[columns + rows + angle]
-        replay(log_p, state, letter, terms, first, count, sampled)
-        for k in range(len(some)):
-            coarse.log_p[some[k]] = coarse.upper[some[k]] = log_p[k]
-            coarse.seen[some[k]] = count
-        evaluated += len(some) * (count - first)
-        begin = end
+        if end < len(order):
+            last = coarse.seen[order[end]]
+        replay(log_p[:end].reshape(1, end), state[:, :end].copy(), letter[:end], terms, first, last, sampled)
+        evaluated += end * (last - first)
+    for k in range(len(order)):
+        coarse.log_p[order[k]] = coarse.upper[order[k]] = log_p[k]
+        coarse.seen[order[k]] = count
     return evaluated
 
 

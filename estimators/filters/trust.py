@@ -34,6 +34,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from statistics import NormalDist
 
 import numpy as np
@@ -287,17 +288,21 @@ def _left_out(
                 return
             cell = rest.options.cell
             field = field_of(rest, labels, train.taxel_xy, (cell, cell), cell)
-            for k in np.flatnonzero(gone & np.isin(train.labels, labels)).tolist():
-                label, pose = train.labels[k].item(), np.array(train.poses[k])
+            those = np.flatnonzero(gone & np.isin(train.labels, labels))
+            for k in those.tolist():
                 if isinstance(field, TableField) and isinstance(rest, TaxelSum):
                     if k not in said:
                         said[k] = rest.evidence(train.readings[k])
-                    field.add(said[k].of_taxels(out.known[k]), pose)
+                    field.add(said[k].of_taxels(out.known[k]), np.array(train.poses[k]))
                 else:
-                    field.append(train.readings[k], pose)
-                log_p = field.log_p(labels.index(label), states, len(field) - 1)
-                found[label].append(np.maximum(log_p, IMPOSSIBLE))
-                most[label].append(field.bound(len(field) - 1))
+                    field.append(train.readings[k], np.array(train.poses[k]))
+                most[train.labels[k].item()].append(field.bound(len(field) - 1))
+            first = 0
+            for label, run in groupby(train.labels[those].tolist()):
+                last = first + len(list(run))
+                log_p = field.each(labels.index(label), states, first, last)
+                found[label].extend(np.maximum(log_p, IMPOSSIBLE))
+                first = last
         if not any(found.values()):
             return
         yield [_LeftOut(np.array(found[label]), np.array(most[label])) for label in labels]

@@ -67,8 +67,7 @@ def each_reading(
     log_p, place = np.zeros((last - first, count)), np.empty((3, count))
     for k in range(count):
         place[0, k], place[1, k], place[2, k] = inverse(state[0, k], state[1, k], state[2, k])
-    for reading in range(first, last):
-        replay(log_p[reading - first], state, letters, terms, reading, reading + 1, sampled)
+    replay(log_p, state, letters, terms, first, last, sampled)
     return log_p, place
 
 
