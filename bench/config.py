@@ -293,7 +293,7 @@ class ScanWords(BaseModel):
         values = merged(values, {"test_poses": self.test_poses, "seed": self.seed})
         if self.shapes:
             values = merged(values, {"shapes": tuple(map(str, self.shapes))})
-        if self.letters is not None:
+        if self.letters is not None and getattr(self, "pressed", True):
             values = merged(values, {"letters": self.letters})
         return checked(ScanOptions, merged(values, self.scan_set), "scan")
 
@@ -304,6 +304,9 @@ def _trials(value: Any) -> Any:
     if value == "all" or (isinstance(count, int) and 1 <= count <= 1_000_000):
         return value if value == "all" else count
     raise ValueError("give a number of at least 1, or all")
+
+
+_PRESS_WORDS = ("shapes", "world", "pad", "noise", "scan_set")  # how letters are pressed
 
 
 class RunConfig(ScanWords):
@@ -390,7 +393,7 @@ class RunConfig(ScanWords):
         if not self.pressed:
             place = self.scan or self.presses
             whence = f"come from {place}" if place else "are given"
-            for name in ("shapes", "test_poses", "world", "pad", "noise", "scan_set"):
+            for name in ("test_poses",) if self.told else ("test_poses", *_PRESS_WORDS):
                 drawn = name == "shapes" and self.presses is not None  # by the guide of these presses
                 if not drawn and getattr(self, name) != RunConfig.model_fields[name].default:
                     raise ValueError(
@@ -420,6 +423,16 @@ class RunConfig(ScanWords):
     def pressed(self) -> bool:
         """Tell whether the readings are pressed for this run."""
         return self.scan is None and self.given is None and self.presses is None
+
+    @property
+    def told(self) -> ScanOptions | None:
+        """Resolve how an estimator that presses letters itself presses those of a file; None if nothing says it."""
+        from tactsim.estimators.registry import load
+
+        said = any(getattr(self, name) != RunConfig.model_fields[name].default for name in _PRESS_WORDS)
+        if self.pressed or self.measured or not said or not load(self.estimator).uses_forward_model:
+            return None
+        return self.scan_options
 
     @property
     def on_demand(self) -> bool:
@@ -468,6 +481,7 @@ class RunConfig(ScanWords):
         """
         rest = self.model_dump(mode="json", exclude=_RESOLVED)
         resolved = [self.source, self.options, self.moving.model_dump(mode="json")]
+        resolved += [] if self.told is None else [self.told.model_dump(mode="json")]
         content = json.dumps([*resolved, rest], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()
 

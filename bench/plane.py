@@ -70,10 +70,10 @@ class _About(AnyAbout):
     slip: str = ""
 
 
-def _forward_model(scan: Scan) -> ForwardModel:
+def _forward_model(options: ScanOptions | None, scan: Scan) -> ForwardModel:
     from tactsim.press import forward_model  # for the few estimators that press by themselves
 
-    return forward_model(scan)
+    return forward_model(scan, options)
 
 
 class Plane(Kind):
@@ -205,7 +205,8 @@ class Plane(Kind):
 
             press = OnDemand(config.scan_options)
         rules = TrialRules.of(config, press)
-        return TrialPlan(config.estimator, config.options, scan, rules, _forward_model, given, objects)
+        forward = partial(_forward_model, config.told)
+        return TrialPlan(config.estimator, config.options, scan, rules, forward, given, objects)
 
     def hide(self, scan: Scan, rng: np.random.Generator) -> FloatArray:
         """Draw robot_in_object (3,); see `trials.draw_true_pose`."""

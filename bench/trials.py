@@ -510,17 +510,10 @@ def compile_for(kind: type[Estimator]) -> None:
 def fit(estimator: Estimator, scan: Scan, forward: Callable[[Scan], ForwardModel] | None) -> None:
     """Fit an estimator to the training readings of a scan; one that asks for it gets `forward` of the scan first.
 
-    Raises InputError if the estimator needs a forward model, and there is none, the scan does not say how it was
-    pressed, or its readings are not in kPa.
+    Raises InputError if the estimator needs a forward model, and there is none, or nothing says how it presses.
     """
-    unit, name = scan.meta.get("unit", "kPa"), name_of(estimator)
-    if estimator.uses_forward_model and unit != "kPa":
-        raise InputError(
-            f"the readings are in {unit}; {name} presses the letters "
-            "itself, in kPa: convert the readings, or take an estimator that learns them, such as refined"
-        )
     compile_for(type(estimator))
-    with no_exit(name):
+    with no_exit(name_of(estimator)):
         if forward is not None and estimator.uses_forward_model:
             estimator.bring(forward(scan))
         estimator.fit(scan)

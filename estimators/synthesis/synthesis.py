@@ -156,6 +156,7 @@ class Synthesis(Estimator):
         """Add a reading and leave the belief alone. Raises InputError as `update`."""
         check_order(self._started, "reset" if self.labels else "fit", "update")
         values, pose = check_reading(reading, sensor_in_robot, self.forward.taxels)
+        values = self.pad.response.pressures(values)
         if not self._poses:
             self.frames = self.frames.begun(pose)
             if self.frames.first_touch is not None:

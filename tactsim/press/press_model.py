@@ -20,7 +20,7 @@ from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
-from tactsim.models import Letter
+from tactsim.models import Letter, shape
 from tactsim.press.engine import engine_for
 from tactsim.press.exact import outline, springs
 from tactsim.press.scan_options import ScanOptions
@@ -166,29 +166,37 @@ class PressModel:
         return np.ascontiguousarray(mean[:, self._taxel]), np.ascontiguousarray(by[:, :, self._taxel])
 
 
-def forward_model(scan: Scan) -> PressModel:
-    """Make the forward model of a scan: its letters, pressed as the scan says that they were.
+def forward_model(scan: Scan, options: ScanOptions | None = None) -> PressModel:
+    """Make the forward model of a scan: its letters, pressed as `options` say, or else as the scan says that they were.
 
-    Raises InputError if the scan does not say how, if a letter is not known or has changed since, or for a press that
-    is no flat face on springs at rest.
+    Raises InputError if neither says how, if a letter is not known or has changed since, or for a press that is no flat
+    face on springs at rest.
     """
-    stated = scan.meta.get("options")
-    if not isinstance(stated, Mapping):
-        raise InputError(
-            "the scan does not say how its letters were pressed (meta.options), so none can be pressed"
+    told = options is not None
+    if options is not None:  # which name shapes; other labels are letters of the catalogue
+        drawn = {shape(path).name for path in options.shapes}
+        options = options.model_copy(
+            update={"letters": tuple(name for name in scan.letters if name not in drawn)}
         )
-    options = checked(ScanOptions, stated, "scan: meta.options")
+    else:
+        stated = scan.meta.get("options")
+        if not isinstance(stated, Mapping):
+            raise InputError(
+                "the scan does not say how its letters were pressed (meta.options): say it, with --shape FILE for each "
+                "shape and --pad FILE"
+            )
+        options = checked(ScanOptions, stated, "scan: meta.options")
     letters = {letter.name: letter for letter in letters_of(options)}
     for label in scan.letters:
         if label not in letters:
             raise unknown("letter of the scan's meta.options", label, letters)
-        if had_another_shape(scan.meta, label, letters[label].digest):
+        if not told and had_another_shape(scan.meta, label, letters[label].digest):
             raise InputError(f"{label!r} has another shape now than when the scan was made; scan again")
     apart = np.abs(scan.taxel_xy[:, None] - options.pad.taxel_xy[None]).max(axis=-1)
     taxel = apart.argmin(axis=1)
     if (apart.min(axis=1) > 1e-3).any():
         raise InputError(
-            "the scan's taxels lie elsewhere than its pad's (meta.options), so none can be pressed"
+            "the scan's taxels lie elsewhere than its pad's (meta.options, or --pad), so none can be pressed"
         )
     whole = np.array_equal(taxel, np.arange(options.pad.taxels))
     return PressModel([letters[label] for label in scan.letters], options, None if whole else taxel)

@@ -9,7 +9,6 @@ import pytest
 from command_line import refused
 
 import tactsim
-from tactsim.bench.trials import fit
 from tactsim.core import InputError, Scan
 
 
@@ -63,8 +62,6 @@ def test_wrong_input_is_one_line(here, tmp_path, imported):
     refused(here("fit", "blank.npz"), "blank.npz", "touches")
     refused(here("fit", "none.npz"), "none.npz")
     refused(here("fit", "made.npz", "--estimator", "nearest"), "nearest", "maps")
-    with pytest.raises(InputError, match="in count"):
-        fit(tactsim.create("synthesis"), imported, None)
 
 
 FEW = {"spacing": 2.0, "angles": 9, "modes": 200}
@@ -89,6 +86,29 @@ def test_a_scan_that_does_not_say_how_it_was_pressed_is_refused_in_one_line(scan
     bare = Scan(scan.readings, scan.poses, scan.labels, scan.split, scan.taxel_xy)
     with pytest.raises(InputError, match="does not say how its letters were pressed"):
         tactsim.run(bare, estimator="synthesis", trials=1, readings=2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("power", [0.5, 1.0])
+def test_counts_that_training_presses_explain_are_recognised_by_pressing(scan, tmp_path, power):
+    counts = np.round(200 * np.maximum(scan.readings, 0) ** power)
+    meta = {"source": "imported", "unit": "count", "objects": scan.meta["objects"]}
+    replace(scan, readings=counts, meta=meta).save(tmp_path / "counts.npz")
+    (tmp_path / "world.toml").write_text("[sensor]\nnoise = 1.0\n")
+    words = {
+        "scan": tmp_path / "counts.npz",
+        "estimator": "synthesis",
+        "set": FEW,
+        "trials": 4,
+        "readings": 6,
+    }
+    run = tactsim.run(**words, world=str(tmp_path / "world.toml"))
+    assert run.accuracy[-1] == 1
+    assert run.error_mm[-1] < 0.5
+    with pytest.raises(InputError, match=r"does not say how its letters were pressed.*--shape FILE"):
+        tactsim.run(**words)
+    with pytest.raises(InputError, match="noise says how letters are pressed"):
+        tactsim.run(**words | {"estimator": "nearest", "set": {}}, noise=1.0)
 
 
 @pytest.mark.long

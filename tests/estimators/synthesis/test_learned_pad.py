@@ -1,11 +1,13 @@
 """What synthesis learns of a pad beside what it is told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import BarForward, square_pad
 
-from tactsim.core import Scan
-from tactsim.estimators.synthesis.learned_pad import LearnedPad
+from tactsim.core import InputError, Scan, compose, transform
+from tactsim.estimators.synthesis.learned_pad import LearnedPad, Response
 from tactsim.estimators.synthesis.modes import expand_all
 from tactsim.estimators.synthesis.pose_bank import PoseBank
 
@@ -38,6 +40,7 @@ def test_an_even_pad_is_as_it_was_told(forward, seed):
     pad = LearnedPad.learned(forward, presses(forward, np.random.default_rng(seed)))
     assert (pad.gain == 1).all()
     assert pad.turns == forward.turns
+    assert not pad.uneven
     assert pad.failing == 0
     assert pad.noise == pytest.approx(forward.noise, rel=0.05)
 
@@ -105,14 +108,16 @@ def test_squared_errors_of_poses_grow_as_what_the_model_is_not_told(forward, sca
     exact = np.concatenate([forward.readings(one, scan.poses[scan.labels == one]) for one in "IL"])
     felt = exact + scatter * (scan.readings - exact)
     scan = Scan(felt, scan.poses, scan.labels, scan.split, PAD)
-    assert LearnedPad.as_told(forward).compared(scan).too_sure == pytest.approx(expected, rel=0.15)
+    assert LearnedPad.as_told(forward).compared(
+        [(LearnedPad.as_told(forward), scan)]
+    ).too_sure == pytest.approx(expected, rel=0.15)
 
 
 def test_training_presses_say_how_probable_a_reading_is(forward):
     """Of normal noise alone log p has the mean and variance of chi^2 with as many degrees as there are taxels."""
     forward.noise = 1.5
     scan = presses(forward, np.random.default_rng(3), count=400)
-    mean, spread = LearnedPad.as_told(forward).compared(scan).usual
+    mean, spread = LearnedPad.as_told(forward).compared([(LearnedPad.as_told(forward), scan)]).usual
     assert mean == pytest.approx(-18 * np.log(2 * np.pi * 1.5**2) - 18, abs=0.8)
     assert spread == pytest.approx(np.sqrt(18), rel=0.15)
 
@@ -120,4 +125,48 @@ def test_training_presses_say_how_probable_a_reading_is(forward):
 def test_presses_that_tell_nothing_of_poses_leave_the_belief_as_wide_as_it_is(forward):
     away = np.tile([500.0, 0.0, 0.0], (3, 1))
     scan = Scan(np.zeros((3, 36)), away, np.array(["I"] * 3), np.array(["train"] * 3), PAD)
-    assert LearnedPad.as_told(forward).compared(scan).too_sure == 1
+    assert LearnedPad.as_told(forward).compared([(LearnedPad.as_told(forward), scan)]).too_sure == 1
+
+
+def counted(scan, readings):
+    return replace(scan, readings=readings, meta={"unit": "count"})
+
+
+@pytest.mark.parametrize(("scale", "power"), [(3.5, 1), (200, 0.5), (0.01, 2.5)])
+def test_what_a_pad_reads_of_a_pressure_is_learned(forward, scale, power):
+    forward.noise = 0.0
+    scan = presses(forward, np.random.default_rng(1))
+    forward.noise = 2.0
+    pad = LearnedPad.learned(forward, counted(scan, scale * scan.readings**power))
+    assert pad.response.power == pytest.approx(power, rel=1e-3)
+    assert pad.response.scale == pytest.approx(scale, rel=1e-2)
+    assert (pad.gain == 1).all()
+    assert LearnedPad.learned(forward, scan).response == Response()
+
+
+def test_readings_that_fall_under_load_are_refused(forward):
+    scan = presses(forward, np.random.default_rng(1))
+    with pytest.raises(InputError, match="do not rise"):
+        LearnedPad.learned(forward, counted(scan, -scan.readings))
+
+
+def test_places_of_an_object_that_press_more_are_learned_and_move_with_the_pad(forward):
+    rng = np.random.default_rng(2)
+    scan = presses(forward, rng, count=400)
+    xy = transform(scan.poses, PAD)
+    more = 12 * np.sin(xy[..., 0] / 3) * np.cos(xy[..., 1] / 3)
+    pad = LearnedPad.learned(forward, replace(scan, readings=scan.readings + more))
+    assert set(pad.uneven) == {"I", "L"}
+    assert pad.turns == 1
+    assert forward.noise <= pad.noise < 2 * forward.noise  # rms of `more` is three times the noise
+    pose = np.array([[2.0, 1.0, 0.4]])
+    found = pad.linearised("L", pose)
+    np.testing.assert_allclose(found.mean, pad.readings("L", pose))
+    exact = pad.gain * (
+        forward.readings("L", pose)
+        + 12 * np.sin(transform(pose, PAD)[..., 0] / 3) * np.cos(transform(pose, PAD)[..., 1] / 3)
+    )
+    assert np.sqrt(((found.mean - exact) ** 2).mean()) < 2.5
+    step = 1e-6
+    by = [(pad.linearised("L", compose(pose, step * axis)).mean - found.mean)[0] / step for axis in np.eye(3)]
+    np.testing.assert_allclose(found.by_pose[0], by, rtol=1e-3, atol=1e-3)
