@@ -20,7 +20,7 @@ from tactsim.core.forward import Linearised
 from tactsim.core.poses import FloatArray, compose
 from tactsim.core.provenance import had_another_shape
 from tactsim.core.scan import Scan
-from tactsim.models import Letter, shape
+from tactsim.models import Letter, names, shape
 from tactsim.press.engine import engine_for
 from tactsim.press.exact import outline, springs
 from tactsim.press.scan_options import ScanOptions
@@ -176,7 +176,7 @@ def forward_model(scan: Scan, options: ScanOptions | None = None) -> PressModel:
     if options is not None:  # which name shapes; other labels are letters of the catalogue
         drawn = {shape(path).name for path in options.shapes}
         options = options.model_copy(
-            update={"letters": tuple(name for name in scan.letters if name not in drawn)}
+            update={"letters": tuple(name for name in scan.letters if name not in drawn and name in names())}
         )
     else:
         stated = scan.meta.get("options")
@@ -189,6 +189,8 @@ def forward_model(scan: Scan, options: ScanOptions | None = None) -> PressModel:
     letters = {letter.name: letter for letter in letters_of(options)}
     for label in scan.letters:
         if label not in letters:
+            if told:
+                raise InputError(f"no --shape is called {label!r}, and no letter of the catalogue either")
             raise unknown("letter of the scan's meta.options", label, letters)
         if not told and had_another_shape(scan.meta, label, letters[label].digest):
             raise InputError(f"{label!r} has another shape now than when the scan was made; scan again")

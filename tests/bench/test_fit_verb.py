@@ -107,6 +107,10 @@ def test_counts_that_training_presses_explain_are_recognised_by_pressing(scan, t
     assert run.error_mm[-1] < 0.5
     with pytest.raises(InputError, match=r"does not say how its letters were pressed.*--shape FILE"):
         tactsim.run(**words)
+    labels = np.where(scan.labels == "I", "bolt", "L")
+    bolt = replace(scan, labels=labels, readings=counts, meta=meta)
+    with pytest.raises(InputError, match="no --shape is called 'bolt'"):
+        tactsim.run(bolt, estimator="synthesis", noise=1.0, trials=1, readings=1)
     with pytest.raises(InputError, match="noise says how letters are pressed"):
         tactsim.run(**words | {"estimator": "nearest", "set": {}}, noise=1.0)
 
