@@ -34,6 +34,15 @@ def inverse(x: float, y: float, angle: float) -> tuple[float, float, float]:
 
 
 @compiled()
+def placements(state: Reals2D) -> Reals2D:
+    """Invert states T_R^O (3, n) mm, mm, rad: T_O^R (3, n)."""
+    place = np.empty_like(state)
+    for k in range(state.shape[1]):
+        place[0, k], place[1, k], place[2, k] = inverse(state[0, k], state[1, k], state[2, k])
+    return place
+
+
+@compiled()
 def mean_around(state: Reals2D, weight: Reals1D, mode: int) -> Reals1D:
     """Average the object's placement over the states near the one of index `mode`: robot_in_object (3,).
 

@@ -27,10 +27,10 @@ from tactsim.estimators.filters.cells import (
 )
 from tactsim.estimators.filters.coarse_bounds import CoarseBins
 from tactsim.estimators.filters.map_filter import GridFilter
-from tactsim.estimators.filters.placement import mean_around
+from tactsim.estimators.filters.placement import mean_around, placements
 from tactsim.estimators.filters.states import WeightedStates, Weights, letter_mass, pose_samples
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
-from tactsim.estimators.filters.trust_kernels import each_reading, influence
+from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
 from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
 
@@ -278,10 +278,7 @@ class RefinedFilter(GridFilter):
         mine = np.flatnonzero(cells.letter == best)
         some = Weights(weights.log[mine]).spaced(_STATES, 0.5)
         states = cells.some(mine[some]).states
-        log_p, place = each_reading(
-            states, best, self.field.terms, max(0, count - _READINGS), count,
-            self.field.tables.sampled,
-        )  # fmt: skip
+        log_p, place = self.field.each(best, states, max(0, count - _READINGS), count), placements(states)
         moved = influence(log_p, np.ones(len(some)), place)
         if self._watched and self.motion is not None and not math.isnan(moved):
             self._shares = self.motion.shares(count, place.T, log_p, self.trust.shown(count))

@@ -13,8 +13,6 @@ import math
 import numpy as np
 
 from tactsim.core.compiling import Ints1D, Ints2D, Reals1D, Reals2D, compiled
-from tactsim.estimators.field.kernels import Sampled, Terms, replay
-from tactsim.estimators.filters.placement import inverse
 
 # Moves with less than this of the belief of the likeliest, nats below it, are left out of a sequence's belief.
 _NEGLIGIBLE = 12.0
@@ -52,23 +50,6 @@ def influence(log_p: Reals2D, weight: Reals1D, place: Reals2D) -> float:
             along_y += y[k] * log_p[reading, k]
         squared += (yy * along_x**2 - 2 * xy * along_x * along_y + xx * along_y**2) / determinant
     return squared / (2 * len(log_p))
-
-
-@compiled()
-def each_reading(
-    state: Reals2D, letter: int, terms: Terms, first: int, last: int, sampled: Sampled
-) -> tuple[Reals2D, Reals2D]:
-    """Compute log p of readings first, ..., last - 1 each by itself: (readings, n), and placements (3, n) of T_O^R.
-
-    state: (3, n) T_R^O mm, mm, rad of one letter. Other arguments as for `replay`.
-    """
-    count = state.shape[1]
-    letters = np.full(count, letter)
-    log_p, place = np.zeros((last - first, count)), np.empty((3, count))
-    for k in range(count):
-        place[0, k], place[1, k], place[2, k] = inverse(state[0, k], state[1, k], state[2, k])
-    replay(log_p, state, letters, terms, first, last, sampled)
-    return log_p, place
 
 
 @compiled()

@@ -7,6 +7,7 @@ import pytest
 import reference
 from synthetic import make_scan, model_of, paper_poses, started
 
+from tactsim.estimators.field.field import LikelihoodField
 from tactsim.estimators.field.table_field import TableField
 
 
@@ -61,10 +62,12 @@ def test_readings_are_added_one_by_one_in_however_many_calls(model, scan, states
     field, _ = begun(model, scan, 4)
     rng = np.random.default_rng(states)
     letter, state = rng.integers(3, size=states), rng.uniform(-9, 9, (3, states))
-    total = np.zeros(states)
-    for k in range(4):
-        total = total + field.log_p(letter, state, k, k + 1)
+    total, each = np.zeros(states), [field.log_p(letter, state, k, k + 1) for k in range(4)]
+    for log_p in each:
+        total = total + log_p
     assert (total == field.log_p(letter, state)).all()
+    for said in (field.each(letter, state, 1, 4), LikelihoodField.each(field, letter, state, 1, 4)):
+        assert np.array_equal(said, each[1:])
     some = slice(states // 3, None)
     assert (field.log_p(letter[some], state[:, some]) == total[some]).all()
 

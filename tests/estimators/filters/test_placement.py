@@ -6,13 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactsim.core import invert, wrap_angle
-from tactsim.estimators.filters.placement import mean_around, samples_of_cells
+from tactsim.estimators.filters.placement import mean_around, placements, samples_of_cells
 from tactsim.estimators.filters.states import CORNERS, SPREAD
 
 
 def states(placed):
     """Give T_R^O (3, n) of objects that lie at `placed` (n, 3), as the kernels take it."""
     return np.ascontiguousarray(invert(placed).T)
+
+
+def test_states_are_placed_as_poses_are_inverted():
+    placed = np.random.default_rng(2).uniform(-9, 9, (40, 3))
+    placed[0, 2], placed[:, 2] = -np.pi, wrap_angle(placed[:, 2])
+    assert placements(states(placed)) == pytest.approx(placed.T)
 
 
 def test_a_mode_that_weighs_nothing_beside_another_is_kept():

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic import fitted_anew, follow, make_scan, paper_poses
+from synthetic import fitted_anew, make_scan, paper_poses
 
-from tactsim.core import compose, invert
+from tactsim.core import compose
 from tactsim.estimators.filters import trust
 from tactsim.estimators.filters.trust import learn_trust
 from tactsim.estimators.filters.trust_kernels import (
-    each_reading,
     influence,
     influence_in_sequences,
     mostly_held,
@@ -177,19 +176,6 @@ def test_it_is_the_squared_covariance_of_place_and_log_p_in_units_of_the_varianc
     assert influence(log_p, weight, place) == pytest.approx(by_definition(log_p, weight, place))
     # In any unit of the weights, with anything that all states have in common, and from any origin.
     assert influence(log_p - 1e3, 7 * weight, place + 5) == pytest.approx(by_definition(log_p, weight, place))
-
-
-def test_readings_say_of_states_each_by_itself_what_the_field_says():
-    scan = make_scan("EL", poses=paper_poses(3, 6))
-    estimator = fitted_anew("refined", scan, bins=500, cell=0.8)
-    test = scan.where("test", "L")
-    follow(estimator, test.readings[:6], test.poses[:6])
-    field = estimator.field
-    state = np.random.default_rng(2).normal(scale=[[2.0], [2.0], [1.0]], size=(3, 40))
-    log_p = np.array([field.log_p(1, state, one, one + 1) for one in range(2, 6)])
-    found, place = each_reading(state, 1, field.terms, 2, 6, field.tables.sampled)
-    np.testing.assert_allclose(found, log_p)
-    np.testing.assert_allclose(place, invert(state.T).T)
 
 
 def test_in_sequences_it_is_the_mean_over_them_with_moves_the_other_way_in_mirrored_readings():
