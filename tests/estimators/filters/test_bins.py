@@ -18,8 +18,7 @@ from tactsim.estimators.likelihoods.load_mixture import LoadMixture
 from tactsim.estimators.likelihoods.occupancy import learn_maps
 from tactsim.estimators.options import LikelihoodOptions
 
-# Tables of three classes that count fully, of pressures between which each reading interpolates, and three terms a taxel;
-# loads: 1 or 3.
+# Tables of three classes that count fully, of pressures between which each reading interpolates, both; loads: 1 or 3.
 MODELS = [("calibrated", 1), ("force", 1), ("stacked", 1), ("calibrated", 3)]
 
 
