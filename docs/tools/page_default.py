@@ -105,8 +105,8 @@ def _rows(name: str, runs: Mapping[str, Sequence[Run]]) -> list[list[str]]:
 
 
 def _apart(less: Figure) -> str:
-    ends = "" if less.low is None or less.high is None else f" ({less.low:+.3f} to {less.high:+.3f})"
-    return f"{less.value or 0.0:+.3f}{ends}"
+    value, *ends = (f"{round(of or 0.0, 3) + 0.0:+.3f}" for of in (less.value, less.low, less.high))
+    return f"{value} ({' to '.join(ends)})"
 
 
 def main(words: Sequence[str]) -> int:
