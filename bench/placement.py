@@ -147,6 +147,8 @@ class Properties:
 
     def alike(self, poses: FloatArray, near: FloatArray) -> FloatArray:
         """Turn the object about its centre until it lies as `near`, as far as its symmetry lets it; see `Placement`."""
+        if self.symmetry == 1:
+            return poses
         turn = poses[:, 2] - near[2]
         turn = fold_angle(turn, self.symmetry) - turn
         about, centre = np.column_stack([np.zeros((len(turn), 2)), turn]), np.array([*self.centre, 0.0])

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from tactsim.core.forward import ForwardModel
 
 NONE = "none"  # the label of an object that is none of the known letters
-_MEAN_STEPS = 4  # to the mean of poses; each leaves about the square of the error before, in units of a turn
+# Steps to the mean of poses, of which each leaves about the square of the error before, in units of a turn; and the
+# step, mm and rad, that need not be taken.
+_MEAN_STEPS, _NO_STEP = 4, 1e-9
 
 
 class Options(Settings):
@@ -48,12 +50,13 @@ class PoseSamples:
         """
         group = algebra(self.poses.shape[1])
         weights, mean = self.weights / self.weights.sum(), np.asarray(near, dtype=float)
-        for _ in range(_MEAN_STEPS):
-            mean = group.compose(
-                group.exp(weights @ group.log(group.compose(self.poses, group.invert(mean)))), mean
-            )
-        away = group.log(group.compose(self.poses, group.invert(mean)))
-        away -= weights @ away
+        for steps in range(_MEAN_STEPS + 1):
+            away = group.log(group.compose(self.poses, group.invert(mean)))
+            step = weights @ away
+            if steps == _MEAN_STEPS or np.abs(step).max() < _NO_STEP:
+                break
+            mean = group.compose(group.exp(step), mean)
+        away -= step
         return mean, away.T @ (away * weights[:, None])
 
 
