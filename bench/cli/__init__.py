@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
+    from types import FrameType
 
 INTERRUPTED, NOBODY_READS = 130, 141  # as a shell says of a command that SIGINT or SIGPIPE has ended
 
@@ -24,7 +25,10 @@ INTERRUPTED, NOBODY_READS = 130, 141  # as a shell says of a command that SIGINT
 def main() -> NoReturn:
     """Run the command `bench`; raises SystemExit at its end."""
     # A scheduler or a container ends it as Ctrl-C does: frames are kept, and nothing is left half-written.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interrupt = _Interrupt()
+    signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as behind `nohup`
+        signal.signal(signal.SIGINT, interrupt)
     sys.unraisablehook = _come_again
     for size in ("COLUMNS", "LINES"):  # 0 where a terminal does not say: nothing would fit
         if not os.environ.get(size, "").strip("0"):
@@ -43,6 +47,16 @@ def main() -> NoReturn:
         if isinstance(ended.__context__, BrokenPipeError):  # which rich takes for a failure
             status = NOBODY_READS
         sys.exit(_printed(status))
+
+
+class _Interrupt:
+    """Raise KeyboardInterrupt, as Python does, and remember it: extensions clear errors that are none of theirs."""
+
+    came = False
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> NoReturn:
+        self.came = True
+        raise KeyboardInterrupt
 
 
 def _come_again(lost: UnraisableHookArgs) -> None:

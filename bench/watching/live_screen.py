@@ -16,6 +16,7 @@ from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import (
     REDRAW_S,
+    check_interrupted,
     over_picture,
     pad_picture,
     scale_text,
@@ -116,6 +117,7 @@ def _in_lines(
 
     view = reader.view()
     while not over(view):
+        check_interrupted()
         say_new()
         now = words.leading.view()
         if now.asked is not None and now.asked is not asked:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -46,6 +47,7 @@ def show(
     with keys() as typed, picture or nullcontext():
         view = reader.view()
         while not over(view):
+            check_interrupted()
             for key in typed():
                 if key == "q":
                     return
@@ -82,6 +84,12 @@ def watch(
     console.print(Text(status_line(reader.view())))
     if line := counters_shown(reader.view().counters):
         console.print(Text(line))
+
+
+def check_interrupted() -> None:
+    """Raise KeyboardInterrupt if one was raised before that ended nothing."""
+    if getattr(signal.getsignal(signal.SIGINT), "came", False):
+        raise KeyboardInterrupt
 
 
 def status_line(view: PadView) -> str:
@@ -201,6 +209,7 @@ def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], boo
     said = 0.0
     view = reader.view()
     while not over(view):
+        check_interrupted()
         now = time.monotonic()
         if now - said >= _LINE_S:
             said = now

@@ -400,6 +400,31 @@ main()
 """
 
 
+SWALLOWS_IT = """\
+import os, signal
+from contextlib import suppress
+from tactsim.bench.cli import app, main
+from tactsim.bench.watching.watch_screen import check_interrupted
+
+def swallow_an_interrupt():
+    check_interrupted()
+    with suppress(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+    check_interrupted()
+    raise AssertionError
+
+app.run_app = swallow_an_interrupt
+main()
+"""
+
+
+def test_an_interrupt_that_was_swallowed_ends_what_watches_a_pad(tmp_path):
+    words = [sys.executable, "-c", SWALLOWS_IT]
+    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=30)
+    assert ended.stderr == "bench: interrupted; nothing half-written was kept\n"
+    assert ended.returncode == 130
+
+
 @pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_where_python_can_raise_nothing_comes_again(tmp_path, ended_by):
     words = [sys.executable, "-c", LOSES_IT, str(int(ended_by))]
