@@ -293,7 +293,7 @@ class ScanWords(BaseModel):
         values = merged(values, {"test_poses": self.test_poses, "seed": self.seed})
         if self.shapes:
             values = merged(values, {"shapes": tuple(map(str, self.shapes))})
-        if self.letters is not None and getattr(self, "pressed", True):
+        if self.letters is not None:
             values = merged(values, {"letters": self.letters})
         return checked(ScanOptions, merged(values, self.scan_set), "scan")
 
@@ -432,7 +432,10 @@ class RunConfig(ScanWords):
         said = any(getattr(self, name) != RunConfig.model_fields[name].default for name in _PRESS_WORDS)
         if self.pressed or self.measured or not said or not load(self.estimator).uses_forward_model:
             return None
-        return self.scan_options
+        # The labels of the file are its own.
+        return scan_options(
+            **{name: getattr(self, name) for name in ScanWords.model_fields if name != "letters"}
+        )
 
     @property
     def on_demand(self) -> bool:

@@ -196,7 +196,7 @@ class Metric:
     shows it. heading: of a column of a table; {} stands for the reading. digits: decimals at least; 0 of a count of
     readings, None for whole numbers or three digits, without an interval. better: +1 if more is better, -1 if less is,
     0 if neither. section: of a report's page whose table at a chosen reading shows it, "curves" or "certainty". table:
-    whether it is one itself.
+    whether it is one itself. values: (n, r) of a figure that is the mean over trials.
     """
 
     description: str
@@ -207,6 +207,7 @@ class Metric:
     better: int = 0
     section: str = ""
     table: bool = False
+    values: Callable[[Scored], NDArray[Any]] | None = None
 
     @property
     def of_readings(self) -> bool:
@@ -253,7 +254,7 @@ def averaged(
     def compute(scored: Scored) -> Curve:
         return mean_where(np.asarray(values(scored), dtype=float), among(scored))
 
-    return Metric(description, compute, pooled, heading, digits, better, section)
+    return Metric(description, compute, pooled, heading, digits, better, section, values=values)
 
 
 def _settled(description: str, part: float, heading: str) -> Metric:

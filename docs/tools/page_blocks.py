@@ -42,9 +42,14 @@ def fill_blocks(text: str, kind: str, made: Callable[[str], str]) -> str:
     return blocks(kind).sub(lambda block: f"{block[1]}{made(block['asked'])}{block[3]}", text)
 
 
+def read_page(page: Path) -> str:
+    """Read the text of a page. Raises InputError if it cannot be read."""
+    return read_text(page, "page", _LARGEST_PAGE)
+
+
 def fill_page(page: Path, fill: Callable[[str], str]) -> None:
     """Write a page anew with its text filled. Raises InputError if it cannot be read, filled or written."""
-    text = read_text(page, "page", _LARGEST_PAGE)
+    text = read_page(page)
     try:
         filled = fill(text)
     except InputError as error:

@@ -13,15 +13,16 @@ default to the best of the settings, and its 95 % interval over scans and trials
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from page_blocks import asked_for, exit_status, fill_blocks, fill_page
+from page_blocks import asked_for, exit_status, fill_blocks, fill_page, read_page
 
 import tactsim
+from tactsim.bench.config import RunConfig
 from tactsim.bench.intervals import Figure, mean
 from tactsim.bench.results import Run
 from tactsim.bench.runs.saved import load
@@ -29,22 +30,13 @@ from tactsim.bench.runs.tables import heading, markdown_table
 from tactsim.bench.score import CURVES, Scored
 from tactsim.bench.tasks import task
 from tactsim.core import InputError
-from tactsim.core.documents import read_text
-from tactsim.core.poses import FloatArray
 from tactsim.core.source_digest import short_commit
 from tactsim.estimators import create
 
 SEEDS = range(108, 113)
-DEFAULT, BASELINE = "stacked", "nearest"
+DEFAULT, BASELINE = RunConfig.model_fields["estimator"].default, "nearest"
 CHOICE = ("refined", "graded", "force-mosaic")
-# What can be told of each trial after each reading, (n, r).
-VALUES: dict[str, Callable[[Scored], FloatArray]] = {
-    "accuracy": lambda scored: scored.trials.right.astype(float),
-    "error_all_mm": lambda scored: scored.error,
-    "negative_log_likelihood": lambda scored: (
-        -np.log(np.clip(scored.trials.p_truth, np.finfo(float).tiny, None))
-    ),
-}
+FIGURES = ("accuracy", "error_all_mm", "negative_log_likelihood")  # that every trial has
 
 
 def do(folder: Path, name: str, trials: int | None, method: str, seed: int) -> None:
@@ -91,9 +83,10 @@ def _rows(name: str, runs: Mapping[str, Sequence[Run]]) -> list[list[str]]:
     rows = []
     for figure in task(name).scored:
         metric, _, reading = figure.partition("@")
-        if metric not in VALUES:
+        told = CURVES[metric].values if metric in FIGURES else None
+        if told is None:
             continue
-        values = {method: VALUES[metric](of)[:, int(reading) - 1] for method, of in scored.items()}
+        values = {method: told(of)[:, int(reading) - 1].astype(float) for method, of in scored.items()}
         known = [method for method in CHOICE if not np.isnan(values[method]).any()]
         if not known or np.isnan(values[DEFAULT]).any():  # a place that nobody knows
             continue
@@ -114,7 +107,7 @@ def main(words: Sequence[str]) -> int:
 
     def work() -> None:
         folder, pages = Path(words[0]), [Path(page) for page in words[1:]]
-        wanted = [one for page in pages for block in asked_for(read_text(page, "page", 10_000_000), "default")
+        wanted = [one for page in pages for block in asked_for(read_page(page), "default")
                   for one in _asked(block)]  # fmt: skip
         with ProcessPoolExecutor() as pool:
             begun = [
