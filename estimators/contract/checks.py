@@ -106,17 +106,22 @@ class BarForward:
         return 30 * pressures(letter, transform(sensor_in_object, self.taxel_xy))
 
     def linearised(
-        self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
+        self,
+        letter: str,
+        sensor_in_object: FloatArray,
+        off: FloatArray | None = None,
+        load: FloatArray | None = None,
     ) -> Linearised:
-        """Predict; nothing is unknown of a press, so `off` has no columns."""
+        """Predict; nothing is unknown of a press but its load, so `off` has no columns."""
         mean, slope = _with_gradient(letter, transform(sensor_in_object, self.taxel_xy))
         cosine, sine = np.cos(sensor_in_object[:, 2, None]), np.sin(sensor_in_object[:, 2, None])
         # Along the pad's own axes, as moves of the sensor are counted.
         by_x = cosine * slope[..., 0] + sine * slope[..., 1]
         by_y = cosine * slope[..., 1] - sine * slope[..., 0]
         turning = by_y * self.taxel_xy[:, 0] - by_x * self.taxel_xy[:, 1]
-        by_pose = 30 * np.stack([by_x, by_y, turning], axis=1)
-        return Linearised(30 * mean, by_pose, np.empty((len(mean), 0, self.taxels)))
+        share = 30 * (np.ones(len(mean)) if load is None else load)
+        mean, by_pose = share[:, None] * mean, share[:, None, None] * np.stack([by_x, by_y, turning], axis=1)
+        return Linearised(mean, by_pose, mean[:, None] if load is not None else mean[:, None][:, :0])
 
 
 def fit(estimator: Estimator, scan: Scan) -> None:

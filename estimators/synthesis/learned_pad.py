@@ -111,8 +111,9 @@ class Unevenness:
 class LearnedPad:
     """A forward model, and how the pad differs from it: a `ForwardModel` too.
 
-    A reading is the predicted one and what is uneven, times the taxel's gain and a factor of the touch, log-normal with
-    `force`; to that comes noise. A taxel fails at a touch with probability `failing`, and reads anything then.
+    A reading is the predicted one and what is uneven, at a load that is the press's times a factor of the touch,
+    log-normal with `force`, times the taxel's gain; to that comes noise. A taxel fails at a touch with probability
+    `failing`, and reads anything then.
 
     gain: (taxels,). noise: kPa. force: standard deviation of the factor's logarithm, the last nuisance; 0 for none.
     too_sure: by how many times squared errors of poses are larger than what expansions of readings say, at least 1.
@@ -249,24 +250,28 @@ class LearnedPad:
         self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
     ) -> Linearised:
         """Predict readings of presses and how they change, as `ForwardModel.linearised`; `off` ends with the factor."""
-        inner = off if off is None or not self.force else off[:, :-1]
-        found = self.forward.linearised(letter, sensor_in_object, inner)
+        inner, load = off, None
+        if self.force:
+            inner, load = None, np.ones(len(sensor_in_object))
+            if off is not None:
+                inner, load = off[:, :-1], np.exp(self.force * off[:, -1])
+        found = self.forward.linearised(letter, sensor_in_object, inner, load)
         if letter in self.uneven:  # where a press errs that is foretold as if it did not
             more, slope = self.uneven[letter].at(transform(sensor_in_object, self.taxel_xy))
             cos, sin = np.cos(sensor_in_object[:, 2, None]), np.sin(sensor_in_object[:, 2, None])
             x, y = cos * slope[..., 0] + sin * slope[..., 1], cos * slope[..., 1] - sin * slope[..., 0]
             turn = self.taxel_xy[:, 0] * y - self.taxel_xy[:, 1] * x
-            by_pose = found.by_pose + np.stack([x, y, turn], axis=1)
-            found = Linearised(found.mean + more, by_pose, found.nuisance)
+            by_pose, nuisance = np.stack([x, y, turn], axis=1), found.nuisance.copy()
+            if load is not None:
+                more, by_pose = load[:, None] * more, load[:, None, None] * by_pose
+                nuisance[:, -1] += more
+            found = Linearised(found.mean + more, found.by_pose + by_pose, nuisance)
         mean, by_pose, nuisance = (
             values * self.gain for values in (found.mean, found.by_pose, found.nuisance)
         )
-        if not self.force:
-            return Linearised(mean, by_pose, nuisance)
-        factor = np.ones(len(mean)) if off is None else np.exp(self.force * off[:, -1])
-        by = factor[:, None, None]
-        own = self.force * by * mean[:, None]
-        return Linearised(mean * factor[:, None], by_pose * by, np.concatenate([nuisance * by, own], axis=1))
+        if load is not None:
+            nuisance[:, -1] *= self.force
+        return Linearised(mean, by_pose, nuisance)
 
     def exactly(self, presses: Scan) -> FloatArray:
         """Predict presses exactly at their poses, of factor 1, without noise: (n, taxels) kPa."""

@@ -115,7 +115,7 @@ class PoseBank:
     def predicted(
         self, entry: NDArray[np.int64], turned: NDArray[np.bool_], factor: FloatArray
     ) -> Linearised:
-        """Give the predictions (n, ...) of entries, the pad turned or not, times the touches' factors."""
+        """Give the predictions (n, ...) of entries, the pad turned or not, times the touches' factors, tilts too."""
         sign = np.where(turned[:, None, None], -1.0, 1.0)
         mean = self.mean[entry].astype(float)
         by_pose, nuisance = self.by_pose[entry].astype(float), self.nuisance[entry].astype(float)

@@ -59,11 +59,16 @@ class ForwardModel(Protocol):
         ...
 
     def linearised(
-        self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
+        self,
+        letter: str,
+        sensor_in_object: FloatArray,
+        off: FloatArray | None = None,
+        load: FloatArray | None = None,
     ) -> Linearised:
         """Predict the readings of presses stated to be at poses (n, 3), and how they change.
 
         off: (n, q) by how many standard deviations each press is off, in the order of `Linearised.nuisance`; by
-        default none is.
+        default none is. load: (n,) times that of the press; if it is given, a last nuisance follows, of 1 in its
+        logarithm.
         """
         ...

@@ -103,7 +103,11 @@ class PressModel:
         return self._pressed(letter, sensor_in_object, tilts, derive=False)[0]
 
     def linearised(
-        self, letter: str, sensor_in_object: FloatArray, off: FloatArray | None = None
+        self,
+        letter: str,
+        sensor_in_object: FloatArray,
+        off: FloatArray | None = None,
+        load: FloatArray | None = None,
     ) -> Linearised:
         """Predict readings and their derivatives, as `ForwardModel.linearised` says.
 
@@ -114,15 +118,17 @@ class PressModel:
         place = off[:, :_MOTIONS] * self.placement
         spread = np.zeros((len(off), 3))
         spread[:, own] = off[:, _MOTIONS:] * self._spread[own]
-        load = np.exp(spread[:, 2] - self._spread[2] ** 2 / 2)
-        mean, by = self._pressed(letter, compose(sensor_in_object, place), spread[:, :2], load, derive=True)
+        own_load = np.exp(spread[:, 2] - self._spread[2] ** 2 / 2) * (1.0 if load is None else load)
+        mean, by = self._pressed(
+            letter, compose(sensor_in_object, place), spread[:, :2], own_load, derive=True
+        )
         by_pose = _by_stated(by[:, :_MOTIONS], place)
         by_place = by_pose.copy()
         by_place[:, 2] = by[:, 2]  # the pad errs by turning about its own middle
-        nuisance = np.concatenate(
-            [by_place * self.placement[:, None], by[:, _MOTIONS + own] * self._spread[own, None]], axis=1
-        )
-        return Linearised(mean, by_pose, nuisance)
+        nuisance = [by_place * self.placement[:, None], by[:, _MOTIONS + own] * self._spread[own, None]]
+        if load is not None:
+            nuisance.append(by[:, -1:])
+        return Linearised(mean, by_pose, np.concatenate(nuisance, axis=1))
 
     def _pressed(
         self,

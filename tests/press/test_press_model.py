@@ -131,7 +131,8 @@ def test_what_cannot_be_pressed_is_refused_in_one_line():
 def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
     """Its load, against a press of that force; its place and tilt, against one there; slopes, against differences.
 
-    Loads have mean 1, so the middle one of a log-normal spread is a little less.
+    Loads have mean 1, so the middle one of a log-normal spread is a little less. A load that is given comes to that,
+    and its logarithm is the last nuisance.
     """
     rng = np.random.default_rng(5)
     given = ScanOptions(**WORLDS[world])
@@ -139,9 +140,15 @@ def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
     model, poses = PressModel([letter], given), presses(rng, 30)
     spread = [given.placement_mm, given.placement_mm, given.placement_rad, *2 * [given.placement_tilt]]
     spread = np.array(spread + [np.sqrt(np.log1p(given.load_spread**2))] * bool(given.load_spread))
-    for off in (np.zeros(len(spread)), rng.standard_normal(len(spread))):
-        found = model.linearised("E", poses, np.tile(off, (len(poses), 1)))
+    for off, times in (
+        (np.zeros(len(spread)), None),
+        (rng.standard_normal(len(spread)), None),
+        (rng.standard_normal(len(spread)), 0.4),
+    ):
+        many = None if times is None else np.full(len(poses), times)
+        found = model.linearised("E", poses, np.tile(off, (len(poses), 1)), many)
         load = np.exp(spread[5] * off[5] - spread[5] ** 2 / 2) if given.load_spread else 1.0
+        load *= times or 1.0
         press = given.press.model_copy(update={"force": load * given.press.force})
         there = PressModel([letter], given.model_copy(update={"press": press}))
         actual = compose(poses, spread[:3] * off[:3])
@@ -151,7 +158,7 @@ def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
         for axis, step in enumerate((1e-3, 1e-3, 1e-4)):
             ends = [
                 model.linearised(
-                    "E", compose(poses, sign * step * np.eye(3)[axis]), np.tile(off, (len(poses), 1))
+                    "E", compose(poses, sign * step * np.eye(3)[axis]), np.tile(off, (len(poses), 1)), many
                 )
                 for sign in (1, -1)
             ]
@@ -160,12 +167,20 @@ def test_a_press_that_is_off_is_predicted_as_it_is_pressed(world):
             assert np.median(apart) < 0.005
         for k in range(len(spread)):
             ends = [
-                model.linearised("E", poses, np.tile(off + d * np.eye(len(off))[k], (len(poses), 1)))
+                model.linearised("E", poses, np.tile(off + d * np.eye(len(off))[k], (len(poses), 1)), many)
                 for d in (1e-2, -1e-2)
             ]
             by = (ends[0].mean - ends[1].mean) / 2e-2
             apart = np.abs(by - found.nuisance[:, k]).max(axis=1) / np.abs(by).max()
             assert np.median(apart) < 0.01, k
+        if many is not None:
+            ends = [
+                model.linearised("E", poses, np.tile(off, (len(poses), 1)), many * np.exp(d))
+                for d in (1e-3, -1e-3)
+            ]
+            by = (ends[0].mean - ends[1].mean) / 2e-3
+            apart = np.abs(by - found.nuisance[:, -1]).max(axis=1) / np.abs(by).max()
+            assert np.median(apart) < 1e-3
 
 
 def test_noise_is_that_of_a_taxel_and_its_steps_and_never_none():

@@ -16,11 +16,12 @@ from tactsim.estimators import create
 class Misplaced(BarForward):
     """Presses that are misplaced by 0.1 mm along their first axis."""
 
-    def linearised(self, letter, sensor_in_object, off=None):
+    def linearised(self, letter, sensor_in_object, off=None, load=None):
         if off is not None:
             sensor_in_object = compose(sensor_in_object, off * [0.1, 0.0, 0.0])
-        found = super().linearised(letter, sensor_in_object)
-        return Linearised(found.mean, found.by_pose, 0.1 * found.by_pose[:, :1])
+        found = super().linearised(letter, sensor_in_object, load=load)
+        nuisance = np.concatenate([0.1 * found.by_pose[:, :1], found.nuisance], axis=1)
+        return Linearised(found.mean, found.by_pose, nuisance)
 
 
 @cache

@@ -28,20 +28,22 @@ class Forward(BarForward):
     def readings(self, letter, sensor_in_object):
         return super().readings(letter[0], sensor_in_object)
 
-    def linearised(self, letter, sensor_in_object, off=None):
+    def linearised(self, letter, sensor_in_object, off=None, load=None):
         at = sensor_in_object if off is None else compose(sensor_in_object, off * self.placement)
-        found = super().linearised(letter[0], at)
-        return Linearised(found.mean, found.by_pose, found.by_pose * self.placement[:, None])
+        found = super().linearised(letter[0], at, load=load)
+        nuisance = np.concatenate([found.by_pose * self.placement[:, None], found.nuisance], axis=1)
+        return Linearised(found.mean, found.by_pose, nuisance)
 
 
 class Handheld(Forward):
     """Loads are log-normal, by about a third, and a taxel feels the square of its load."""
 
-    def linearised(self, letter, sensor_in_object, off=None):
-        found = super().linearised(letter, sensor_in_object)
-        share = np.exp(0.6 * (0 if off is None else off[:, 0]) * np.ones(len(found.mean)))[:, None]
-        mean, by_pose = share * found.mean, share[..., None] * found.by_pose
-        return Linearised(mean, by_pose, 0.6 * mean[:, None])
+    def linearised(self, letter, sensor_in_object, off=None, load=None):
+        given = np.ones(len(sensor_in_object)) if load is None else load
+        share = given**2 * np.exp(0.6 * (0 if off is None else off[:, 0]))
+        found = super().linearised(letter, sensor_in_object, load=share)
+        rows = found.mean[:, None] * np.array([0.6, 2.0][: 1 if load is None else 2])[:, None]
+        return Linearised(found.mean, found.by_pose, rows)
 
 
 def fitted(labels, placement=0.0, forward=Forward, **options):
