@@ -10,7 +10,6 @@ trials: the test of Lemos et al. 2023 (expected coverage, with distances to a po
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Protocol
 
@@ -24,6 +23,7 @@ from tactsim.core.compiling import GivenReals1D, GivenReals2D, Reals1D, compiled
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
 from tactsim.core.poses import FloatArray, algebra
+from tactsim.core.provenance import poses_unknown
 from tactsim.estimators.estimator import Estimate, PoseSamples
 
 
@@ -194,11 +194,6 @@ def properties(scan: Scan) -> dict[str, Properties]:
     if not poses_unknown(scan.meta):
         return found
     return {label: replace(of, placed=False) for label, of in found.items()}
-
-
-def poses_unknown(meta: Mapping[str, Any]) -> bool:
-    """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
-    return bool(meta.get("poses") == "unknown")
 
 
 def stated_properties(scan: Scan) -> dict[str, Properties]:

@@ -7,14 +7,14 @@ from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
 from tactsim.bench.config import RunConfig, chosen_letters, run_config
 from tactsim.bench.config import scan_options as stated_scan
 from tactsim.bench.kinds import PLANE, Gathered, Kind
-from tactsim.bench.placement import Properties, poses_unknown, properties, stated_properties
+from tactsim.bench.placement import Properties, properties, stated_properties
 from tactsim.bench.results import AnyAbout, AnyConfig, Run
 from tactsim.bench.runs.paper import beside
 from tactsim.bench.runs.scan_quality import eq3_agreement, notes_on
@@ -36,10 +36,11 @@ from tactsim.core.errors import some, unknown
 from tactsim.core.origins import object_origins, seen_from
 from tactsim.core.pad import offsets
 from tactsim.core.poses import POSE, FloatArray
+from tactsim.core.provenance import poses_unknown
 from tactsim.core.seeds import stream
 from tactsim.estimators import Estimator
 from tactsim.estimators.likelihoods.occupancy import maps_of
-from tactsim.estimators.options import FilterOptions, wants_pad_fit
+from tactsim.estimators.options import FilterOptions
 from tactsim.press import ScanOptions, scan_letters
 from tactsim.press.scan_poses import PAPER, stage_for
 from tactsim.press.scanning import letters_of
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from tactsim.bench.report import Pages
     from tactsim.bench.runs.figures import Picture
     from tactsim.core.forward import ForwardModel
-    from tactsim.estimators.pad_fit import PadFit
+    from tactsim.estimators.filters.map_filter import MapFilter
 
 NO_BOUND = "it was not asked for; `bench run --bound` works it out"
 
@@ -223,12 +224,8 @@ class Plane(Kind):
             from tactsim.bench.cramer_rao import bounds_of_trials
 
             bounds, no_bound = bounds_of_trials(scan, trials, config.explore, config.moving)
-        if (
-            isinstance(options, FilterOptions)
-            and hasattr(estimator, "pad_fit")
-            and wants_pad_fit(options, scan)
-        ):
-            pad_fit: PadFit | None = estimator.pad_fit
+        if isinstance(options, FilterOptions) and hasattr(estimator, "fits_pad") and estimator.fits_pad(scan):
+            pad_fit = cast("MapFilter", estimator).pad_fit
             if pad_fit is None:  # a sweep's workers have fitted theirs
                 from tactsim.estimators.pad_fit import fit_to_pad
 
@@ -258,7 +255,7 @@ class Plane(Kind):
         # Errors take an object whose symmetry nobody stated for having none: half a turn of it may look the same.
         stated = run.about["scan"].get("objects", {})
         unknown = [label for label, of in run.objects.items() if of.placed and label not in stated]
-        if not unknown:
+        if not unknown or not run.trials.places:
             return []
         return [
             f"no symmetry is known of {' '.join(unknown)}: a turn that looks the same counts as an error; "

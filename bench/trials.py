@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from tactsim.bench import kinds
 from tactsim.bench.config import STILL, Slip
 from tactsim.bench.kinds import PLANE
-from tactsim.bench.placement import Placement, certainty, poses_unknown, properties
+from tactsim.bench.placement import Placement, certainty, properties
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.core.compiling import compile_waiting
 from tactsim.core.errors import short
 from tactsim.core.pad import OFFSET
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import poses_unknown
 from tactsim.core.source_digest import source_digest
 from tactsim.estimators import NONE, Estimate, Estimator
 from tactsim.estimators.estimator import check_estimate, flatten_work, name_of, no_exit, unflatten_work

@@ -30,8 +30,8 @@ BUILT_IN: dict[str, tuple[str, str]] = {
         "particle filter that injects random particles",
     ),
     "stacked": (
-        "tactsim.estimators.filters.refined:StackedFilter",
-        "the default: coarse-to-fine on pressures and their shares together, for still and moving objects",
+        "tactsim.estimators.stacked_filter:StackedFilter",
+        "the default: coarse-to-fine on pressures and their shares, still or moving; by images where no pose is known",
     ),
     "refined": (
         "tactsim.estimators.filters.refined:RefinedFilter",

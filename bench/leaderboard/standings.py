@@ -15,7 +15,6 @@ from tactsim.bench.intervals import Figure
 from tactsim.bench.leaderboard import bundle as bundles
 from tactsim.bench.leaderboard.bundle import DONE, SUFFIX, Bundle, Record, record_path
 from tactsim.bench.leaderboard.ranking import Ranking, ranked
-from tactsim.bench.placement import poses_unknown
 from tactsim.bench.results import Run
 from tactsim.bench.runs.paper import PRINTED, Printed
 from tactsim.bench.runs.pooled import Pooled, cell, figure_of
@@ -26,6 +25,7 @@ from tactsim.core import InputError, Pad
 from tactsim.core.checking import checked
 from tactsim.core.making import statements
 from tactsim.core.pad import offsets
+from tactsim.core.provenance import poses_unknown
 
 OTHER_TRIALS = "its trials are not the task's"
 TrialKey = tuple[int, str, int, int]  # seed, letter, number and readings

@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
-from tactsim.bench.placement import Properties, fold_angle, placement_error, poses_unknown, properties
+from tactsim.bench.placement import Properties, fold_angle, placement_error, properties
 from tactsim.core import InputError, Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray, compose, invert, transform
+from tactsim.core.provenance import poses_unknown
 
 ANGLES = 36
 VIEWS = 3  # of an object, at most

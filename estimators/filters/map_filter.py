@@ -140,7 +140,7 @@ class MapFilter(Estimator):
         options, pad_fit = self.options, None
         frames = Frames.fitted(scan, reach_of(options.reach, scan.taxel_xy))
         scan, object_of = frames.scan(scan).by_view()
-        if wants_pad_fit(options, scan):
+        if self.fits_pad(scan):
             from tactsim.estimators.pad_fit import fit_to_pad
 
             pad_fit = fit_to_pad(scan, options)
@@ -162,7 +162,11 @@ class MapFilter(Estimator):
         self.frames, self.pad_fit, self.open_set, self._object_of = frames, pad_fit, open_set, object_of
         self.fit_with(options, maps, scan)
 
-    def without(self, letter: str, scan: Scan) -> MapFilter:
+    def fits_pad(self, scan: Scan) -> bool:
+        """Tell whether units and options are fitted to a scan's pad."""
+        return wants_pad_fit(self.options, scan)
+
+    def without(self, letter: str, scan: Scan) -> Estimator:
         """Give a filter of the other letters, with the maps that are known and a measurement model of their own.
 
         What is fitted to the pad is fitted anew, for it saw the letter.

@@ -32,7 +32,7 @@ from tactsim.estimators.filters.states import WeightedStates, Weights, letter_ma
 from tactsim.estimators.filters.trust import Misfit, Trust, learn_trust
 from tactsim.estimators.filters.trust_kernels import influence
 from tactsim.estimators.likelihoods.occupancy import OccupancyMap
-from tactsim.estimators.options import MODELS, MOTION, FilterOptions, OpenSetOptions
+from tactsim.estimators.options import MODELS, FilterOptions, OpenSetOptions
 
 if TYPE_CHECKING:
     from tactsim.estimators.filters.binned import BinnedBelief
@@ -321,18 +321,3 @@ class GradedFilter(RefinedFilter):
     """The coarse-to-fine filter with a measurement model that does not mind the load and the response curve."""
 
     options_type: type[Options] = GradedOptions
-
-
-class StackedOptions(GradedOptions):
-    """Options of the coarse-to-fine filter on several measurement models together."""
-
-    likelihood: str = Field("stacked", description=MODELS)
-    motion: str = Field("seen", description=MOTION)
-
-
-class StackedFilter(RefinedFilter):
-    """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves."""
-
-    options_type: type[Options] = StackedOptions
-    minds_misfit = True
-    draws = True  # once a motion is seen

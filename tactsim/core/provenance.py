@@ -47,3 +47,8 @@ def shape_digest(meta: Mapping[str, Any], name: str) -> Any:
 def may_name_a_licence(licence: object) -> bool:
     """Tell whether a scan may state it as its licence, whatever SPDX calls it."""
     return isinstance(licence, str) and licence.isprintable() and 0 < len(licence) <= _LONGEST_LICENCE
+
+
+def poses_unknown(meta: Mapping[str, Any]) -> bool:
+    """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
+    return bool(meta.get("poses") == "unknown")

@@ -1,0 +1,131 @@
+"""The default: maps with several measurement models together, or images of whole presses where no pose is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from tactsim.core import Scan
+from tactsim.core.idle import find_idle
+from tactsim.core.pad import pitch
+from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import poses_unknown
+from tactsim.estimators.estimator import Estimate, Estimator, Options, PlaneBelief, proposes_none
+from tactsim.estimators.filters.refined import GradedOptions, RefinedFilter
+from tactsim.estimators.options import MODELS, MOTION
+
+if TYPE_CHECKING:
+    from tactsim.estimators.baselines.whole_image import WholeImage
+
+# In pitches: where presses that are stated at one pose lie so far apart, the pose is not theirs.
+_ELSEWHERE = 0.5
+
+
+class StackedOptions(GradedOptions):
+    """Options of the coarse-to-fine filter on several measurement models together."""
+
+    likelihood: str = Field("stacked", description=MODELS)
+    motion: str = Field("seen", description=MOTION)
+
+
+class StackedFilter(RefinedFilter):
+    """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves.
+
+    Maps need poses. Where each object's training presses are stated at one pose, and the scan says that none is known
+    or they lie elsewhere, objects are named by the images of their presses, as `whole-image` does, and nothing is said
+    of the place. Only maps tell "none of these": they stay where `unknown` asks for it.
+
+    image: what names objects by their images; None where maps do. why: it does.
+    """
+
+    options_type: type[Options] = StackedOptions
+    minds_misfit = True
+    draws = True  # once a motion is seen
+    options: StackedOptions
+    image: WholeImage | None = None
+    why = ""
+
+    def fit(self, scan: Scan) -> None:
+        """Learn maps and measurement models from the training readings, or their images; see `MapFilter.fit`."""
+        self.image, self.why = None, self._why_image(scan)
+        if not self.why:
+            super().fit(scan)
+            return
+        from tactsim.estimators.baselines.whole_image import WholeImage
+
+        self._maps, self.pad_fit = {}, None
+        self.image = WholeImage(Options())
+        self.image.fit(scan)
+        self.labels = self.image.labels
+
+    def _why_image(self, scan: Scan) -> str:
+        return "" if self.options.unknown else no_poses(scan.where("train"))
+
+    def fits_pad(self, scan: Scan) -> bool:
+        """Tell whether units and options are fitted to a scan's pad; images are in any unit."""
+        return super().fits_pad(scan) and not self._why_image(scan)
+
+    def without(self, letter: str, scan: Scan) -> Estimator:
+        """Give a filter of the other letters; see `MapFilter.without`."""
+        return super().without(letter, scan) if self.image is None else Estimator.without(self, letter, scan)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence: every state of every letter is equally probable again."""
+        super().reset(rng) if self.image is None else self.image.reset(rng)
+
+    def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
+        """Take in one reading (taxels,) at the pose sensor_in_robot [mm, mm, rad]; see `MapFilter.update`."""
+        super().update(reading, sensor_in_robot) if self.image is None else self.image.update(
+            reading, sensor_in_robot
+        )
+
+    def estimate(self) -> Estimate:
+        """Give the letter's probabilities, and its pose if maps tell it."""
+        return super().estimate() if self.image is None else self.image.estimate()
+
+    def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
+        """Choose among sensor_in_robot poses (n, 3); see `MapFilter.propose`. Raises InputError where none is told."""
+        if self.image is not None:
+            raise proposes_none("stacked, which knows no poses here,")
+        return super().propose(candidates)
+
+    def belief_over_plane(self) -> PlaneBelief | None:  # type: ignore[override]
+        """Show how the belief lies over the plane, mm; None of images."""
+        return super().belief_over_plane() if self.image is None else None
+
+    def describe(self) -> str:
+        """Say in one line how the filter is set up."""
+        if self.image is None:
+            return super().describe()
+        return f"by images of whole presses: {self.why}"
+
+    @property
+    def work(self) -> dict[str, Any]:
+        """Count evaluations, as `RefinedFilter.work`; of images, what readings were compared with."""
+        return super().work if self.image is None else self.image.work
+
+
+def no_poses(presses: Scan) -> str:
+    """Say why nobody knows where training presses were taken, in words; "" if that is known, or may be.
+
+    They are known where an object has presses at several poses. Presses at one pose lie as far apart as the median
+    distance of a centroid of pressure from the median one of its object.
+    """
+    if any(np.ptp(presses.poses[presses.labels == label], axis=0).any() for label in presses.letters):
+        return ""
+    if poses_unknown(presses.meta):
+        return "nobody knows their poses"
+    rise = find_idle(presses.readings, presses.presses).rise(presses.readings).clip(min=0)
+    away: list[float] = []
+    for label in presses.letters:
+        pressed = rise[(presses.labels == label) & rise.any(axis=1)]
+        centroid = pressed @ presses.taxel_xy / pressed.sum(axis=1, keepdims=True)
+        away += np.hypot(*(centroid - np.median(centroid, axis=0)).T).tolist() if len(centroid) else []
+    apart = float(np.median(away)) if away else 0.0
+    if apart <= _ELSEWHERE * pitch(presses.taxel_xy):
+        return ""
+    return f"those that are stated at one pose lie {apart:.2g} mm apart"
