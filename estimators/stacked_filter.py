@@ -87,8 +87,13 @@ class StackedFilter(RefinedFilter):
         """Give the letter's probabilities, and its pose if maps tell it."""
         return super().estimate() if self.image is None else self.image.estimate()
 
+    @property
+    def proposes(self) -> bool:
+        """Tell whether the filter proposes readings: where it has maps."""
+        return self.image is None
+
     def propose(self, candidates: Sequence[FloatArray] | FloatArray) -> int:
-        """Choose among sensor_in_robot poses (n, 3); see `MapFilter.propose`. Raises InputError where none is told."""
+        """Choose among poses (n, 3); see `MapFilter.propose`. Raises InputError where it has no maps."""
         if self.image is not None:
             raise proposes_none("stacked, which knows no poses here,")
         return super().propose(candidates)

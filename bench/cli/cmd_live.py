@@ -78,9 +78,12 @@ def command_live(
     pads.refuse_without_page(context, web)
     described, correction = pads.load(device, calibration)
     made = create(estimator, **key_values(settings or (), "--set"))
-    if explore == "information" and not made.proposes:
-        raise proposes_none(estimator)
-    ask = made.proposes and explore != "random"
+
+    def asks() -> bool:
+        if explore == "information" and not made.proposes:
+            raise proposes_none(estimator)
+        return made.proposes and explore != "random"
+
     console = plain_console(stderr=as_json)
     opened, plan = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
     # A pad speaks while the estimator learns.
@@ -89,8 +92,9 @@ def command_live(
             train = _training(train_scan, described, shapes or (), progress)
             train = on_taxels(train, source.taxel_xy, str(train_scan or "the simulation"))
             progress("map", 0, 1)
-            recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if ask else None)
+            recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if asks() else None)
             progress("map", 1, 1)
+        ask = asks()  # what it learned from may tell no poses to choose among
         hand = source if isinstance(source, SimulatedHand) else None
         if hand is None and correction is None:
             untared = "no --calibration: if the pad never counts as lifted, `bench tare` makes one"

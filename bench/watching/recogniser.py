@@ -74,14 +74,14 @@ class Recogniser:
     ) -> Recogniser:
         """Fit the estimator to training readings and let it do everything once: what it prepares is then ready.
 
-        candidates: (n, 3) sensor_in_robot, if it is to choose among them. Raises InputError if it cannot, or cannot be
-        fitted to the readings.
+        candidates: (n, 3) sensor_in_robot, if it is to choose among them where it can. Raises InputError if it cannot
+        be fitted to the readings.
         """
         fit(estimator, train, forward_model)
         made = cls(estimator, train.letters, seed)
         for reading, pose in zip(train.readings[:_REHEARSED], train.poses, strict=False):
             made.take(Touch(reading, pose, time.monotonic()))
-        if candidates is not None:
+        if candidates is not None and estimator.proposes:
             made.choose(candidates)
         made.begin_anew()
         made.delays.clear()

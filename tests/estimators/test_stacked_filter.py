@@ -57,6 +57,7 @@ def test_presses_that_lie_elsewhere_than_stated_are_named_as_whole_image_names_t
     assert estimator.work["likelihood_evaluations"] > 0
     assert not estimator.maps
     assert estimator.belief_over_plane() is None
+    assert not estimator.proposes
     with pytest.raises(InputError, match="knows no poses here, proposes no readings"):
         estimator.propose([ORIGIN])
 
