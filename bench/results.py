@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -392,7 +392,7 @@ class AnyConfig(_Strict):
     estimator: str
     seed: int
     scan: str | None
-    trials: int
+    trials: int | Literal["all"]
     explore: str
     hold_out: list[str] = []
     shapes: list[str] = []

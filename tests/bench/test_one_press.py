@@ -9,6 +9,7 @@ from test_trials import Witness
 import tactsim
 from tactsim.bench.placement import properties
 from tactsim.bench.runs.pooled import figure_of, pool
+from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import OneTrial, TrialRules, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators import Estimate, Options
@@ -97,11 +98,13 @@ def test_runs_with_unknown_poses_are_pooled_without_a_placement_error():
     assert figure_of(pooled, f"error_mm@{pooled.readings}").value is None
 
 
-def test_all_trials_take_every_press_with_enough_readings_once():
+def test_all_trials_take_every_press_with_enough_readings_once(tmp_path):
     """Every press but the last has six windows: with five a trial there are three trials of each letter."""
     run = tactsim.run(scan=windows(), estimator=Heard(Options()), trials="all", readings=5)
     taken = [run.plan.test_readings(OneTrial("A", trial)).readings[0, 0] for trial in range(PRESSES - 1)]
     assert (len(run.trials.truth), sorted(taken)) == (2 * (PRESSES - 1), list(range(PRESSES - 1)))
+    again = load(run.save(tmp_path / "run"))
+    np.testing.assert_array_equal(again.trials.label, run.trials.label)
     known = replace(windows(), meta={})
     with pytest.raises(InputError, match="poses nobody noted"):
         tactsim.run(scan=known, estimator=Heard(Options()), trials="all", readings=5)
