@@ -96,9 +96,10 @@ def plots(group: Group, name: str) -> dict[str, Markup]:
     sure = any(value is not None for entry in group.entries for value in entry.summary["coverage_90"])
     found: dict[str, tuple[Callable[..., object], str]] = {
         "share": (_draw_share, "Accuracy against readings seen"),
-        "error": (_draw_error, "Placement error against readings seen"),
         "stated": (_draw_reliability, f"Reliability diagram of the {group.thing}'s probability"),
     }
+    if _places(group):
+        found["error"] = (_draw_error, "Placement error against readings seen")
     if sure:
         found["held"] = (_draw_held, "Coverage of the 90 % regions against readings seen")
         found["ranks"] = (_draw_ranks, "Distribution of the ranks of the truth, less an even one")
@@ -132,7 +133,8 @@ def pareto_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008
 @mpl.rc_context(_TYPE)
 def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008  (frozen)
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
-    shown = ("accuracy", "error") if sheet.panel is None else (sheet.panel,)
+    both = ("accuracy", "error") if _places(group) else ("accuracy",)
+    shown = both if sheet.panel is None else (sheet.panel,)
     figure, panels = _panels(sheet, len(shown), 3.6)
     budgets = 1 if len(group.entries) > CROWD else len(DASHES)
     lines: list[Line2D] = []
@@ -153,6 +155,10 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
         notes = below_bound(group) if of_error else []
         _caption(figure, group, "\n".join([" ".join([*of_error, "Bands: 95 % intervals."]), *notes]))
     return figure
+
+
+def _places(group: Group) -> bool:
+    return any(entry.run.trials.places for entry in group.entries)
 
 
 def _panels(sheet: Sheet, count: int, height: float) -> tuple[Figure, list[Axes]]:

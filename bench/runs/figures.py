@@ -62,9 +62,14 @@ def draw_curve(
     band: what a legend says of the interval. style: of the line.
     """
     seen = np.arange(1, len(values) + 1)
+    if len(values) == 1:  # a line of one reading is a mark, on the axis
+        style = {"marker": "o", "clip_on": False, **style}
     if low is not None and high is not None:
         below, above = (np.array(end, dtype=float) for end in (low, high))
-        axes.fill_between(seen, below, above, color=color, alpha=0.15, lw=0, label=band, gid=gid)
+        if len(values) == 1:
+            axes.vlines(seen, below, above, color, lw=4, alpha=0.3, clip_on=False, label=band or "", gid=gid)
+        else:
+            axes.fill_between(seen, below, above, color=color, alpha=0.15, lw=0, label=band, gid=gid)
     return axes.plot(seen, np.array(values, dtype=float), color=color, gid=gid, **{"lw": 1.5, **style})
 
 
@@ -97,10 +102,9 @@ def readings_figure(run: Run) -> Picture:
     # Margins in inches: measuring every text for them would take as long as drawing.
     top = 1 - (0.13 + 0.17 * len(lines)) / 3.8
     figure.subplots_adjust(left=0.55 / 9, right=1 - 0.2 / 9, bottom=0.5 / 3.8, top=top, wspace=0.2)
-    left, right = figure.subplots(1, 2)
-    _draw_accuracy(run, left)
-    _draw_error(run, right)
-    for axes in (left, right):
+    panels = [_draw_accuracy, _draw_error] if run.trials.places else [_draw_accuracy]
+    for axes, draw in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        draw(run, axes)
         # A title without a place is moved away from all ticks, which are measured for it.
         axes.set_title("", y=1)
         axes.xaxis.set_label_coords(0.5, -0.105)

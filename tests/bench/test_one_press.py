@@ -8,7 +8,8 @@ from test_trials import Witness
 
 import tactsim
 from tactsim.bench.placement import properties
-from tactsim.bench.runs.pooled import figure_of, pool
+from tactsim.bench.report.picture import plots
+from tactsim.bench.runs.pooled import collect, figure_of, pool
 from tactsim.bench.runs.saved import load
 from tactsim.bench.trials import OneTrial, TrialRules, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
@@ -112,3 +113,12 @@ def test_all_trials_take_every_press_with_enough_readings_once(tmp_path):
         tactsim.run(letters="A", trials="all")
     with pytest.raises(InputError, match="a number of at least 1, or all, got 'x'"):
         tactsim.run(letters="A", trials="x")
+
+
+def test_a_curve_of_one_reading_is_a_mark_and_what_is_not_placed_has_no_panel(tmp_path):
+    run = tactsim.run(scan=windows(), estimator=Heard(Options()), trials=2, readings=1)
+    (axes,) = run.plot().axes
+    assert axes.lines[0].get_marker() == "o"
+    assert np.array(axes.collections[0].get_segments()).shape == (1, 2, 2)
+    (group,) = collect([(tmp_path, run)])
+    assert "one-error" not in plots(group, "one")

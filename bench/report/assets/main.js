@@ -21,7 +21,7 @@ function readingsSection(task) {
   }
   const visible = new Set(task.runs.filter((run) => task.runs.length <= 6 || run.rank === 0).slice(0, 8));
   const plots = h("div", { class: "two" }, plot(`${task.plots}-share`, "Share of trials right"),
-    plot(`${task.plots}-error`, `Placement error where the ${data.thing} is right, mm`));
+    document.getElementById(`${task.plots}-error`) && plot(`${task.plots}-error`, `Placement error where the ${data.thing} is right, mm`));
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
   const values = runsTable(figuresOf("curves"));

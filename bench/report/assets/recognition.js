@@ -112,8 +112,10 @@ function recognitionView(protocol) {
     const at = trial.labels.indexOf(said);
     const p = at < 0 ? null : row(trial.probabilities, k)[at];
     status.textContent =
-      `After reading ${reading}: it says ${said} (p = ${fixed(p, 3)}), which is ${said === trial.answer ? "right" : `wrong: it is ${trial.truth}`}; ` +
-      (trial.answer === trial.truth ? `placed ${fixed(array(trial.error)[k], 2)} mm off${trial.radius[k] === null ? "" : `, 90 % sure of it within ${fixed(trial.radius[k], 2)} mm`}.` : `${trial.truth} was held out of the training.`);
+      `After reading ${reading}: it says ${said} (p = ${fixed(p, 3)}), which is ${said === trial.answer ? "right" : `wrong: it is ${trial.truth}`}` +
+      (trial.answer !== trial.truth ? `; ${trial.truth} was held out of the training.`
+        : Number.isNaN(array(trial.error)[k]) ? "."
+        : `; placed ${fixed(array(trial.error)[k], 2)} mm off${trial.radius[k] === null ? "" : `, 90 % sure of it within ${fixed(trial.radius[k], 2)} mm`}.`);
     status.classList.toggle("bad", said !== trial.answer);
   }
 
