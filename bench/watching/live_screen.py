@@ -15,13 +15,12 @@ from tactsim.bench.watching import PadReader, PadView
 from tactsim.bench.watching.belief_words import BeliefWords
 from tactsim.bench.watching.touch_leader import LiveView
 from tactsim.bench.watching.watch_screen import (
-    REDRAW_S,
-    check_interrupted,
     over_picture,
     pad_picture,
     scale_text,
     show,
     state_text,
+    views,
 )
 from tactsim.core.errors import printable
 from tactsim.core.poses import FloatArray
@@ -115,9 +114,7 @@ def _in_lines(
             else:
                 console.print(Text(printable(words.line(belief))), soft_wrap=True)
 
-    view = reader.view()
-    while not over(view):
-        check_interrupted()
+    for view in views(reader, over):
         say_new()
         now = words.leading.view()
         if now.asked is not None and now.asked is not asked:
@@ -127,6 +124,4 @@ def _in_lines(
         if wrong and wrong != trouble and time.monotonic() - spoke >= 1.0:
             trouble, spoke = wrong, time.monotonic()
             print(printable(wrong), file=sys.stderr)
-        time.sleep(REDRAW_S)
-        view = reader.view()
     say_new()

@@ -45,9 +45,7 @@ def show(
     """
     picture = Live(console=console, auto_refresh=False, screen=True) if console.is_terminal else None
     with keys() as typed, picture or nullcontext():
-        view = reader.view()
-        while not over(view):
-            check_interrupted()
+        for view in views(reader, over):
             for key in typed():
                 if key == "q":
                     return
@@ -55,8 +53,6 @@ def show(
             drawn = draw(view)
             if picture is not None and drawn is not None:
                 picture.update(drawn, refresh=True)
-            time.sleep(REDRAW_S)
-            view = reader.wait(view.number, REDRAW_S)
 
 
 def watch(
@@ -84,6 +80,19 @@ def watch(
     console.print(Text(status_line(reader.view())))
     if line := counters_shown(reader.view().counters):
         console.print(Text(line))
+
+
+def views(reader: PadReader, over: Callable[[PadView], bool]) -> Iterator[PadView]:
+    """Give the latest view again and again, new ones as they come, until `over` says so.
+
+    Raises KeyboardInterrupt also where one was raised before that ended nothing.
+    """
+    view = reader.view()
+    while not over(view):
+        check_interrupted()
+        yield view
+        time.sleep(REDRAW_S)
+        view = reader.wait(view.number, REDRAW_S)
 
 
 def check_interrupted() -> None:
@@ -207,15 +216,11 @@ def state_text(view: PadView, frozen: bool) -> Text:
 
 def _in_lines(reader: PadReader, console: Console, over: Callable[[PadView], bool]) -> None:
     said = 0.0
-    view = reader.view()
-    while not over(view):
-        check_interrupted()
+    for view in views(reader, over):
         now = time.monotonic()
         if now - said >= _LINE_S:
             said = now
             console.print(Text(status_line(view)), soft_wrap=True)
-        time.sleep(REDRAW_S)
-        view = reader.view()
 
 
 @contextmanager
