@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +11,6 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from tactsim.core import Scan
-from tactsim.core.idle import find_idle
-from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import poses_unknown
 from tactsim.estimators.estimator import Estimate, Estimator, Options, PlaneBelief, proposes_none
@@ -21,8 +20,8 @@ from tactsim.estimators.options import MODELS, MOTION
 if TYPE_CHECKING:
     from tactsim.estimators.baselines.whole_image import WholeImage
 
-# In pitches: where presses that are stated at one pose lie so far apart, the pose is not theirs.
-_ELSEWHERE = 0.5
+# Where presses that are stated at one pose vary by so much of what presses of all objects do, the pose is not theirs.
+_UNLIKE = 1 / 3
 
 
 class StackedOptions(GradedOptions):
@@ -36,7 +35,7 @@ class StackedFilter(RefinedFilter):
     """The coarse-to-fine filter with pressures and their shares together, which notices an object that moves.
 
     Maps need poses. Where each object's training presses are stated at one pose, and the scan says that none is known
-    or they lie elsewhere, objects are named by the images of their presses, as `whole-image` does, and nothing is said
+    or they are not alike, objects are named by the images of their presses, as `whole-image` does, and nothing is said
     of the place. Only maps tell "none of these": they stay where `unknown` asks for it.
 
     image: what names objects by their images; None where maps do. why: it does.
@@ -117,20 +116,32 @@ class StackedFilter(RefinedFilter):
 def no_poses(presses: Scan) -> str:
     """Say why nobody knows where training presses were taken, in words; "" if that is known, or may be.
 
-    They are known where an object has presses at several poses. Presses at one pose lie as far apart as the median
-    distance of a centroid of pressure from the median one of its object.
+    They are known where an object has presses at several poses, and where presses of each that are stated at one are
+    alike. Of presses with several readings, as of several loads, the first are compared with the first, and so on.
     """
-    if any(np.ptp(presses.poses[presses.labels == label], axis=0).any() for label in presses.letters):
+    letters = presses.letters
+    if any(np.ptp(presses.poses[presses.labels == label], axis=0).any() for label in letters):
         return ""
     if poses_unknown(presses.meta):
         return "nobody knows their poses"
-    rise = find_idle(presses.readings, presses.presses).rise(presses.readings).clip(min=0)
-    away: list[float] = []
-    for label in presses.letters:
-        pressed = rise[(presses.labels == label) & rise.any(axis=1)]
-        centroid = pressed @ presses.taxel_xy / pressed.sum(axis=1, keepdims=True)
-        away += np.hypot(*(centroid - np.median(centroid, axis=0)).T).tolist() if len(centroid) else []
-    apart = float(np.median(away)) if away else 0.0
-    if apart <= _ELSEWHERE * pitch(presses.taxel_xy):
+    if len(letters) < 2:
         return ""
-    return f"those that are stated at one pose lie {apart:.2g} mm apart"
+    count, number = Counter[int](), list[int]()
+    for press in presses.press_numbers.tolist():
+        number.append(count[press])
+        count[press] += 1
+    within = among = 0.0
+    for first in range(max(number) + 1):
+        alike = np.array(number) == first
+        among += _squares(presses.readings[alike])
+        for label in letters:
+            own = presses.readings[alike & (presses.labels == label)]
+            within += _squares(own) * len(own) / max(len(own) - 1, 1)
+    if within <= _UNLIKE * among:
+        return ""
+    return f"those that are stated at one pose vary {within / among:.2f} times as much as all"
+
+
+def _squares(readings: FloatArray) -> float:
+    """Sum the squares of what readings (n, taxels) differ from their mean; 0 of none."""
+    return float(((readings - readings.mean(axis=0)) ** 2).sum()) if len(readings) else 0.0
