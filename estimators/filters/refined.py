@@ -264,8 +264,9 @@ class RefinedFilter(GridFilter):
         mass = letter_mass(letter, weights, len(self.labels))
         if self._unexplained:
             end, _, log_p = self._leaves
-            of_bins = np.exp(self._weight * self._best - heaviest(end, log_p, self._weight))
-            mass = np.where(mass > 0, mass, of_bins)
+            of_bins = self._weight * self._best - heaviest(end, log_p, self._weight)
+            # A bin whose halves are negligible is no more than that, whatever its middle says.
+            mass = np.where(mass > 0, mass, np.exp(np.minimum(of_bins, -_NEGLIGIBLE)))
         return np.maximum(mass ** (1 / (1 + self._unexplained)), math.exp(-_NEGLIGIBLE))
 
     def _influence(self, weight: float) -> float:

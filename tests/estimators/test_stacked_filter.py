@@ -1,5 +1,6 @@
 """The default takes maps where poses are told, and images of whole presses where they are not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -81,6 +82,15 @@ def test_a_scan_may_say_that_no_pose_is_known():
     assert (
         fitted(replace(scan, meta={"poses": "unknown"})).image is None
     )  # presses that were aligned have poses
+
+
+def test_images_name_presses_of_one_pose_where_maps_name_fewer():
+    """Bins as wide as an object cannot tell the three apart."""
+    scan = pressed(np.random.default_rng(2), 0.2)
+    estimator = create("stacked", split="1x1x2", cells=1, halvings=0)
+    estimator.fit(scan)
+    assert re.fullmatch(r"by images.*: of \d+ left-out readings they name 6 rightly, maps [0-4]", estimator.describe())
+    assert fitted(scan).image is None
 
 
 def test_what_was_left_out_is_not_named(anywhere):

@@ -109,6 +109,20 @@ def test_readings_that_disagree_about_the_place_count_less_than_readings_that_ag
     assert ratio[1.0] < 0.8 < ratio[0.0] < 1.5
 
 
+def test_a_letter_whose_best_bin_was_halved_in_vain_is_not_named(small):
+    """The middle of a bin may say much where its halves hold nothing: then no cell would say where the letter is."""
+    estimator = fitted_anew("stacked", small, bins=2000, motion="off")
+    unlike = make_scan("T", poses=paper_poses(positions=4, angles=12))
+    readings, poses, _ = draw_trial(unlike, "T", 12, np.random.default_rng(2))
+    updated(estimator, readings, poses)
+    held = estimator._belief_in_cells()[0].letter
+    empty = next(one for one in range(3) if one not in held)
+    estimator._best[empty] = estimator._best.max() + 100
+    known = estimator.estimate()
+    assert known.unexplained > 0
+    assert known.label != LETTERS[empty]
+
+
 @pytest.mark.parametrize(("felt", "wider"), [("I", False), ("T", True)])
 def test_the_default_widens_the_place_and_not_the_label_of_what_it_cannot_explain(small, felt, wider):
     estimator, scan = fitted_anew("stacked", small, bins=2000, motion="off"), small
@@ -146,7 +160,8 @@ def test_an_object_that_no_training_reading_is_like_is_named_with_less_certainty
                 end, _, log_p = estimator._leaves
                 volume = np.log(8) * np.repeat(np.arange(len(end)), np.diff([0, *end]))
                 best = estimator._weight * whole._coarse._coarse.log_p.reshape(-1, 3).max(axis=0)
-                mass[mass == 0] = np.exp(best - (estimator._weight * log_p - volume).max())[mass == 0]
+                best = np.minimum(best - (estimator._weight * log_p - volume).max(), -30)
+                mass[mass == 0] = np.exp(best)[mass == 0]
             expected = np.maximum(mass ** (1 / (1 + known.unexplained)), np.exp(-30))
             assert min(known.probabilities.values()) > 0  # improbable, not impossible
             assert list(known.probabilities.values()) == pytest.approx(expected / expected.sum())
