@@ -11,6 +11,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import pairwise
 from multiprocessing import active_children, get_context, parent_process
@@ -93,8 +94,14 @@ class _Pool(ProcessPoolExecutor):
     """Processes whose tasks' errors come back whatever they are; one that cannot be read would break the pool."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Let a process call fn, which it must be able to import."""
-        return super().submit(_call, fn, args, kwargs)
+        """Let a process call fn, which it must be able to import. Raises BrokenProcessPool if one has died."""
+        try:
+            return super().submit(_call, fn, args, kwargs)
+        except OSError as error:
+            # Python starts a further process while a thread gives up the pool, whose queue is closed by then.
+            if str(error) != "handle is closed":
+                raise
+            raise BrokenProcessPool("a process died while others were started") from error
 
 
 def _call(fn: Callable[..., Any], args: Any, kwargs: Any) -> Any:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,13 @@ def test_an_exception_in_the_block_ends_work_that_would_last():
         futures = [pool.submit(time.sleep, 600) for _ in range(8)]
         raise KeyboardInterrupt
     assert all(future.done() for future in futures)
+
+
+def test_a_process_that_cannot_be_started_as_another_has_died_is_a_broken_pool():
+    """Whoever gives up a pool closes its queue, perhaps while the next process is started."""
+    with pytest.raises(BrokenExecutor), worker_processes(2) as pool:
+        pool._call_queue._reader.close()
+        pool.submit(refuse, 3)
 
 
 class Locked(Exception):
