@@ -89,7 +89,9 @@ def test_images_name_presses_of_one_pose_where_maps_name_fewer():
     scan = pressed(np.random.default_rng(2), 0.2)
     estimator = create("stacked", split="1x1x2", cells=1, halvings=0)
     estimator.fit(scan)
-    assert re.fullmatch(r"by images.*: of \d+ left-out readings they name 6 rightly, maps [0-4]", estimator.describe())
+    assert re.fullmatch(
+        r"by images.*: of \d+ left-out readings they name 6 rightly, maps [0-4]", estimator.describe()
+    )
     assert fitted(scan).image is None
 
 
