@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -21,8 +22,8 @@ from tactsim.estimators.options import MODELS, MOTION
 if TYPE_CHECKING:
     from tactsim.estimators.baselines.whole_image import WholeImage
 
-# Images name objects where they name more of so many left-out readings rightly than maps, by so much of all.
-_TRIED, _BETTER = 40, 0.05
+# Images name objects where they name of so many left-out readings so many more rightly than maps do.
+_TRIED, _BETTER = 40, 3
 # Where presses that are stated at one pose vary by so much of what presses of all objects do, the pose is not theirs.
 _UNLIKE = 1 / 3
 
@@ -43,7 +44,8 @@ class StackedFilter(RefinedFilter):
 
     Where they are alike, images name objects if they name left-out presses better than maps of one pose do.
 
-    image: what names objects by their images; None where maps do. why: images do, in words; "" where maps do.
+    image: what names objects by their images; None where maps do. why: images do, in words; "" where maps do, None
+    before `fit`.
     """
 
     options_type: type[Options] = StackedOptions
@@ -51,14 +53,11 @@ class StackedFilter(RefinedFilter):
     draws = True  # once a motion is seen
     options: StackedOptions
     image: WholeImage | None = None
-    why = ""
+    why: str | None = None
 
     def fit(self, scan: Scan) -> None:
         """Learn maps and measurement models from the training readings, or their images; see `MapFilter.fit`."""
-        train = scan.where("train")
-        self.image, self.why = None, ""
-        if not self.options.unknown and at_one_pose(train):
-            self.why = no_poses(train) or self._better_by_image(train)
+        self.image, self.why = None, self._why_image(scan)
         if not self.why:
             super().fit(scan)
             return
@@ -68,6 +67,13 @@ class StackedFilter(RefinedFilter):
         self.image = WholeImage(Options())
         self.image.fit(scan)
         self.labels = self.image.labels
+
+    def _why_image(self, scan: Scan) -> str:
+        """Say why images are to name the objects, in words; "" if maps are."""
+        train = scan.where("train")
+        if self.options.unknown or not len(train) or not at_one_pose(train):
+            return ""
+        return no_poses(train) or self._better_by_image(train)
 
     def _better_by_image(self, train: Scan) -> str:
         """Say by how much images name presses that are left out better than maps do, in words; "" if they do not."""
@@ -82,6 +88,7 @@ class StackedFilter(RefinedFilter):
         if rest.letters != train.letters or len(train.letters) < 2:
             return ""
         maps, image, rng = StackedFilter(self.options), WholeImage(Options()), np.random.default_rng(0)
+        maps.why = ""
         RefinedFilter.fit(maps, rest)
         image.fit(rest)
         right = {maps: 0, image: 0}
@@ -90,17 +97,25 @@ class StackedFilter(RefinedFilter):
                 estimator.reset(rng)
                 estimator.update(reading, pose)
                 right[estimator] += estimator.estimate().label == label
-        if right[image] - right[maps] <= _BETTER * len(out):
+        if right[image] - right[maps] < _BETTER:
             return ""
         return f"of {len(out)} left-out readings they name {right[image]} rightly, maps {right[maps]}"
 
     def fits_pad(self, scan: Scan) -> bool:
         """Tell whether units and options are fitted to a scan's pad; images are in any unit."""
-        return super().fits_pad(scan) and not self.why
+        return super().fits_pad(scan) and not (self._why_image(scan) if self.why is None else self.why)
 
     def without(self, letter: str, scan: Scan) -> Estimator:
-        """Give a filter of the other letters; see `MapFilter.without`."""
-        return super().without(letter, scan) if self.image is None else Estimator.without(self, letter, scan)
+        """Give a filter of the other letters, by maps or images as this one; see `MapFilter.without`."""
+        if self.image is None:
+            return super().without(letter, scan)
+        from tactsim.estimators.baselines.whole_image import WholeImage
+
+        other = copy.copy(self)
+        other.image = WholeImage(Options())
+        other.image.fit(scan.untrained([letter]))
+        other.labels = other.image.labels
+        return other
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every state of every letter is equally probable again."""
@@ -151,14 +166,16 @@ def at_one_pose(presses: Scan) -> bool:
 def no_poses(presses: Scan) -> str:
     """Say why nobody knows where presses that are stated at one pose were taken, in words; "" if that may be known.
 
-    It may where presses of an object are alike. Of presses with several readings, as of several loads, the first are
-    compared with the first, and so on.
+    It may where presses of an object are alike, whatever their strength. Of presses with several readings, as of
+    several moments, the first are compared with the first, and so on.
     """
     letters = presses.letters
     if poses_unknown(presses.meta):
         return "nobody knows their poses"
     if len(letters) < 2:
         return ""
+    strength = np.linalg.norm(presses.readings, axis=1, keepdims=True)
+    images = presses.readings / np.where(strength > 0, strength, 1.0)
     count, number = Counter[int](), list[int]()
     for press in presses.press_numbers.tolist():
         number.append(count[press])
@@ -166,15 +183,15 @@ def no_poses(presses: Scan) -> str:
     within = among = 0.0
     for first in range(max(number) + 1):
         alike = np.array(number) == first
-        among += _squares(presses.readings[alike])
+        among += _squares(images[alike])
         for label in letters:
-            own = presses.readings[alike & (presses.labels == label)]
+            own = images[alike & (presses.labels == label)]
             within += _squares(own) * len(own) / max(len(own) - 1, 1)
     if within <= _UNLIKE * among:
         return ""
     return f"those that are stated at one pose vary {within / among:.2f} times as much as all"
 
 
-def _squares(readings: FloatArray) -> float:
-    """Sum the squares of what readings (n, taxels) differ from their mean; 0 of none."""
-    return float(((readings - readings.mean(axis=0)) ** 2).sum()) if len(readings) else 0.0
+def _squares(images: FloatArray) -> float:
+    """Sum the squares of what images (n, taxels) differ from their mean; 0 of none."""
+    return float(((images - images.mean(axis=0)) ** 2).sum()) if len(images) else 0.0

@@ -84,6 +84,7 @@ def command_live(
             raise proposes_none(estimator)
         return made.proposes and explore != "random"
 
+    asks()
     console = plain_console(stderr=as_json)
     opened, plan = open_pressed(port, described, correction, seed, list(map(shape, shapes or ())))
     # A pad speaks while the estimator learns.

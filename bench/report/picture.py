@@ -40,7 +40,7 @@ from tactsim.bench.runs.figures import (
 )
 from tactsim.bench.runs.pooled import Group, Pooled
 from tactsim.bench.score import rank_band, ranks
-from tactsim.core.errors import counted
+from tactsim.core.errors import InputError, counted
 from tactsim.core.files import write_bytes
 from tactsim.models import Letter
 
@@ -135,6 +135,8 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
     both = ("accuracy", "error") if _places(group) else ("accuracy",)
     shown = both if sheet.panel is None else (sheet.panel,)
+    if not set(shown) <= set(both):
+        raise InputError(f"there is no error to draw: no run places its {group.thing}s; leave --panel out")
     figure, panels = _panels(sheet, len(shown), 3.6)
     budgets = 1 if len(group.entries) > CROWD else len(DASHES)
     lines: list[Line2D] = []
@@ -158,7 +160,7 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
 
 
 def _places(group: Group) -> bool:
-    return any(entry.run.trials.places for entry in group.entries)
+    return any(error is not None for entry in group.entries for error in entry.summary["error_mm"])
 
 
 def _panels(sheet: Sheet, count: int, height: float) -> tuple[Figure, list[Axes]]:

@@ -221,6 +221,7 @@ def _recognition(entry: Pooled, of: Again) -> Recognition:
     estimates, trial, objects = of.estimates, of.trials, entry.run.objects
     took = len(estimates)  # the trial may have ended before it had all its touches
     true_pose, pose = trial.true_pose[0, :took], trial.pose[0, :took]
+    error = errors(trial, objects)[0, :took]
     labels = tuple(dict.fromkeys(label for e in estimates for label in e.probabilities))
     return Recognition(
         entry=entry, task=of.task, answer=str(trial.answer[0]), kind=of.kind,
@@ -229,7 +230,8 @@ def _recognition(entry: Pooled, of: Again) -> Recognition:
         sensor_in_object=compose(true_pose, np.array([touch.sensor_in_robot for touch in of.touches])),
         estimate_in_object=compose(true_pose, invert(pose)),
         probabilities=np.array([[e.probabilities.get(label, 0.0) for label in labels] for e in estimates]),
-        robot_in_object=pose, true_pose=true_pose, error=errors(trial, objects)[0, :took],
+        robot_in_object=pose, true_pose=true_pose,
+        error=error if entry.run.trials.places else np.full_like(error, np.nan),
         region=regions(estimates, true_pose, objects[of.task.truth]), radius=trial.radius_90[0, :took],
         plane=of.plane,
     )  # fmt: skip

@@ -174,7 +174,7 @@ class MapFilter(Estimator):
         other = copy.copy(self)
         rest = scan.untrained([letter])
         if self.pad_fit is not None:
-            other.fit(rest)
+            MapFilter.fit(other, rest)
             return other
         maps = {label: chart for label, chart in self._maps.items() if self._object_of[label] != letter}
         other.fit_with(self.fitted_options, maps, self.frames.scan(rest).by_view()[0])

@@ -206,6 +206,9 @@ class RefinedFilter(GridFilter):
             dispersion = self.trust.misfit.dispersion(len(self.field), self._unexplained)
             cells, weights = self._held(self._weight / dispersion)
         letter, log_weight = cells.letter, weights.log
+        # Of the object's views, one that holds something.
+        views = np.flatnonzero(self.same_object[best] & (np.bincount(letter, minlength=len(mass)) > 0))
+        best = int(views[mass[views].argmax()])
         mine = np.flatnonzero(letter == best)
         mine = mine[log_weight[mine] > log_weight[mine].max() - _NEGLIGIBLE_IN_MEAN]
         # Only these cells are placed: at first there are many others.

@@ -109,7 +109,7 @@ class Unevenness:
 
 @dataclass(eq=False)
 class LearnedPad:
-    """A forward model, and how the pad differs from it: a `ForwardModel` too.
+    """A forward model, and how the pad differs from it: like a `ForwardModel`, but loads are nuisances.
 
     A reading is the predicted one and what is uneven, at a load that is the press's times a factor of the touch,
     log-normal with `force`, times the taxel's gain; to that comes noise. A taxel fails at a touch with probability

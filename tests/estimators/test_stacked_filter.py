@@ -69,6 +69,7 @@ def test_an_object_may_have_a_pose_of_its_own_and_any_unit(anywhere):
     estimator = fitted(moved)
     assert estimator.image is not None
     assert not estimator.fits_pad(moved)
+    assert not create("stacked").fits_pad(moved)
     reading = anywhere.where("test").readings[0]
     assert answer(estimator, reading).probabilities == answer(fitted(anywhere), reading).probabilities
 
@@ -86,11 +87,11 @@ def test_a_scan_may_say_that_no_pose_is_known():
 
 def test_images_name_presses_of_one_pose_where_maps_name_fewer():
     """Bins as wide as an object cannot tell the three apart."""
-    scan = pressed(np.random.default_rng(2), 0.2)
+    scan = pressed(np.random.default_rng(2), 0.2, 24)
     estimator = create("stacked", split="1x1x2", cells=1, halvings=0)
     estimator.fit(scan)
     assert re.fullmatch(
-        r"by images.*: of \d+ left-out readings they name 6 rightly, maps [0-4]", estimator.describe()
+        r"by images.*: of \d+ left-out readings they name 9 rightly, maps [0-6]", estimator.describe()
     )
     assert fitted(scan).image is None
 
@@ -101,16 +102,31 @@ def test_what_was_left_out_is_not_named(anywhere):
     reading = anywhere.where("test", "L").readings[0]
     assert set(answer(rest, reading).probabilities) == {"I", "T"}
     assert answer(estimator, reading).label == "L"
+    assert answer(rest.without("T", anywhere.untrained(["L"])), reading).label == "I"
 
 
 @pytest.mark.parametrize(
-    "why", ["repeated", "at two loads", "told", "none of these", "one press each", "one object"]
+    "why",
+    [
+        "repeated",
+        "of a real pad",
+        "at any load",
+        "at two loads",
+        "told",
+        "none of these",
+        "one press each",
+        "one object",
+    ],
 )
 def test_maps_stay_where_poses_are_told_or_only_they_answer(why):
     rng = np.random.default_rng(2)
     scan, options = pressed(rng, 0.2), {}
     if why == "told":
         scan = make_scan("ILT")
+    elif why == "of a real pad":
+        scan = replace(scan, meta={"source": "imported", "unit": "count"})
+    elif why == "at any load":
+        scan = replace(scan, readings=scan.readings * np.exp(0.5 * rng.standard_normal((len(scan), 1))))
     elif why == "at two loads":  # of each press
         both = scan.joined(replace(scan, readings=scan.readings / 10), {})
         scan = replace(both, presses=np.tile(np.arange(len(scan)), 2))
@@ -122,6 +138,7 @@ def test_maps_stay_where_poses_are_told_or_only_they_answer(why):
         scan = pressed(rng, 3.0, 2)
     estimator = fitted(scan, **options)
     assert estimator.image is None
+    assert (estimator.pad_fit is not None) == estimator.fits_pad(scan) == (why == "of a real pad")
     assert set(estimator.maps) == set(scan.letters)
     assert answer(estimator, scan.where("test").readings[0]).samples is not None
 

@@ -209,17 +209,19 @@ function recognitionView(protocol) {
         y -= tall;
       });
     }
-    // Near 0 the scale is linear, far from it logarithmic: first guesses are 20 mm off, last ones 0.2.
     const errors = array(trial.error);
-    const most = Math.max(1, ...errors);
-    const sy = (value) => bottom - ((bottom - middle - gap) * Math.log1p(4 * value)) / Math.log1p(4 * most);
-    for (const value of [0, 1, ...(most > 4 ? [most] : [])]) {
-      axis.append(s("line", { class: "grid", x1: left, x2: width, y1: sy(value), y2: sy(value) }), label(sy(value), value === most ? plain(value) : String(value)));
+    if (!Number.isNaN(errors[0])) {
+      // Near 0 the scale is linear, far from it logarithmic: first guesses are 20 mm off, last ones 0.2.
+      const most = Math.max(1, ...errors);
+      const sy = (value) => bottom - ((bottom - middle - gap) * Math.log1p(4 * value)) / Math.log1p(4 * most);
+      for (const value of [0, 1, ...(most > 4 ? [most] : [])]) {
+        axis.append(s("line", { class: "grid", x1: left, x2: width, y1: sy(value), y2: sy(value) }), label(sy(value), value === most ? plain(value) : String(value)));
+      }
+      parts.push(s("path", { class: "error-line", d: "M" + Array.from(errors, (value, i) => `${(x(i) + 0.46 * column).toFixed(1)} ${sy(value).toFixed(1)}`).join("L") }));
+      parts.push(s("circle", { class: "error-dot", cx: x(k) + 0.46 * column, cy: sy(errors[k]), r: 3.5 }));
     }
     axis.append(s("text", { x: left, y: height - 4 }, "1"), s("text", { x: width - 2, y: height - 4, "text-anchor": "end" }, String(count)));
     axis.append(s("text", { class: "name", x: (left + width) / 2, y: height - 4, "text-anchor": "middle" }, "reading"));
-    parts.push(s("path", { class: "error-line", d: "M" + Array.from(errors, (value, i) => `${(x(i) + 0.46 * column).toFixed(1)} ${sy(value).toFixed(1)}`).join("L") }));
-    parts.push(s("circle", { class: "error-dot", cx: x(k) + 0.46 * column, cy: sy(errors[k]), r: 3.5 }));
     parts.push(s("rect", { class: "here", x: x(k) - 1.5, y: top - 3, width: 0.92 * column + 3, height: bottom - top + 6, rx: 2 }));
     history.replaceChildren(...parts);
   }

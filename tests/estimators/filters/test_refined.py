@@ -121,6 +121,10 @@ def test_a_letter_whose_best_bin_was_halved_in_vain_is_not_named(small):
     known = estimator.estimate()
     assert known.unexplained > 0
     assert known.label != LETTERS[empty]
+    # Nor is it where all are views of one object, and most presses were of that one.
+    estimator.minds_misfit, estimator.same_object[:] = False, True
+    estimator._view_share = np.where(np.arange(3) == empty, 0.9, 0.05)
+    assert estimator.estimate().label != LETTERS[empty]
 
 
 @pytest.mark.parametrize(("felt", "wider"), [("I", False), ("T", True)])
