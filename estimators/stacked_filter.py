@@ -16,7 +16,7 @@ from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import poses_unknown
 from tactsim.estimators.estimator import Estimate, Estimator, Options, PlaneBelief, proposes_none
 from tactsim.estimators.filters.refined import GradedOptions, RefinedFilter
-from tactsim.estimators.likelihoods.folds import FOLDS, by_letter
+from tactsim.estimators.likelihoods.folds import parts_of_presses
 from tactsim.estimators.options import MODELS, MOTION
 
 if TYPE_CHECKING:
@@ -61,9 +61,12 @@ class StackedFilter(RefinedFilter):
         if not self.why:
             super().fit(scan)
             return
+        self._maps, self.pad_fit = {}, None
+        self._fit_image(scan)
+
+    def _fit_image(self, scan: Scan) -> None:
         from tactsim.estimators.baselines.whole_image import WholeImage
 
-        self._maps, self.pad_fit = {}, None
         self.image = WholeImage(Options())
         self.image.fit(scan)
         self.labels = self.image.labels
@@ -79,12 +82,10 @@ class StackedFilter(RefinedFilter):
         """Say by how much images name presses that are left out better than maps do, in words; "" if they do not."""
         from tactsim.estimators.baselines.whole_image import WholeImage
 
-        number = by_letter(
-            lambda own: np.unique(own.press_numbers, return_inverse=True)[1].reshape(-1), train
-        )
-        left_out = np.flatnonzero(number % FOLDS == 0)
+        part = parts_of_presses(train)
+        left_out = np.flatnonzero(part == 0)
         some = np.linspace(0, len(left_out) - 1, min(len(left_out), _TRIED)).round().astype(int)
-        rest, out = train.chosen(number % FOLDS > 0), train.chosen(left_out[some])
+        rest, out = train.chosen(part > 0), train.chosen(left_out[some])
         if rest.letters != train.letters or len(train.letters) < 2:
             return ""
         maps, image, rng = StackedFilter(self.options), WholeImage(Options()), np.random.default_rng(0)
@@ -109,12 +110,8 @@ class StackedFilter(RefinedFilter):
         """Give a filter of the other letters, by maps or images as this one; see `MapFilter.without`."""
         if self.image is None:
             return super().without(letter, scan)
-        from tactsim.estimators.baselines.whole_image import WholeImage
-
         other = copy.copy(self)
-        other.image = WholeImage(Options())
-        other.image.fit(scan.untrained([letter]))
-        other.labels = other.image.labels
+        other._fit_image(scan.untrained([letter]))
         return other
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -123,9 +120,10 @@ class StackedFilter(RefinedFilter):
 
     def update(self, reading: ArrayLike, sensor_in_robot: ArrayLike) -> None:
         """Take in one reading (taxels,) at the pose sensor_in_robot [mm, mm, rad]; see `MapFilter.update`."""
-        super().update(reading, sensor_in_robot) if self.image is None else self.image.update(
-            reading, sensor_in_robot
-        )
+        if self.image is None:
+            super().update(reading, sensor_in_robot)
+        else:
+            self.image.update(reading, sensor_in_robot)
 
     def estimate(self) -> Estimate:
         """Give the letter's probabilities, and its pose if maps tell it."""

@@ -14,7 +14,7 @@ from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
 from tactsim.estimators.baselines.nearest import ReadingClassifier
 from tactsim.estimators.estimator import check_order
-from tactsim.estimators.likelihoods.folds import FOLDS, can_leave_out
+from tactsim.estimators.likelihoods.folds import can_leave_out, parts_of_presses
 
 _RADII, _ANGLES, _HARMONICS = 24, 36, 6
 _FLOOR = 1e-3  # of the mean sum of a reading: amplitudes below count as that
@@ -72,7 +72,7 @@ class WholeImage(ReadingClassifier):
         self._scale = [
             max(float(np.median(one[between])), _SAME) if len(some) > 1 else 1.0 for one in squares
         ]
-        self._choose(squares, wanted[some], _parts(train, letter)[some] if can_leave_out(train) else None)
+        self._choose(squares, wanted[some], parts_of_presses(train)[some] if can_leave_out(train) else None)
         kernel = self._kernel(_squares(*[(view, view) for view in self._known]), self.view, self._width)
         kernel.flat[:: len(kernel) + 1] += self._ridge
         self._weights = solve(kernel, wanted, assume_a="pos")
@@ -157,16 +157,6 @@ class WholeImage(ReadingClassifier):
 def _evenly(count: int, most: int) -> NDArray[np.intp]:
     """Choose at most `most` of `count` readings, evenly spread over their order."""
     return np.arange(min(count, most)) * count // min(count, most)
-
-
-def _parts(train: Scan, letter: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Divide the presses of each letter into FOLDS parts: (readings,)."""
-    press = train.press_numbers
-    part = np.empty(len(train), dtype=np.intp)
-    for number in np.unique(letter):
-        own = letter == number
-        part[own] = np.unique(press[own], return_inverse=True)[1].reshape(-1) % FOLDS
-    return part
 
 
 def _squares(*views: tuple[FloatArray, FloatArray]) -> list[FloatArray]:

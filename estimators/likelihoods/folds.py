@@ -34,6 +34,13 @@ def by_letter(divide: Callable[[Scan], NDArray[np.intp]], train: Scan) -> NDArra
     return part
 
 
+def parts_of_presses(train: Scan) -> NDArray[np.intp]:
+    """Divide the presses of each letter into FOLDS parts, wherever they were made: (readings,)."""
+    return by_letter(
+        lambda own: np.unique(own.press_numbers, return_inverse=True)[1].reshape(-1) % FOLDS, train
+    )
+
+
 def _pressed(train: Scan) -> tuple[FloatArray, NDArray[np.intp]]:
     """Give the poses of the presses (p, 3), in the middle of their readings, and of which press each reading is (n,).
 

@@ -9,6 +9,7 @@ from synthetic import fitted_anew, started, two_taxel_scan
 
 from tactsim.core import Pad, Scan, compose, invert
 from tactsim.estimators.baselines import whole_image
+from tactsim.estimators.likelihoods.folds import parts_of_presses
 
 PAD = Pad(
     rows=21, columns=21, pitch_x=2, pitch_y=2, taxel_width=1, taxel_height=1, no_seam=True, unread_columns=0
@@ -83,7 +84,7 @@ def test_what_is_left_out_is_foretold_as_if_it_had_not_been_there(monkeypatch):
     view = estimator._views(train.readings)
     squares = whole_image._squares(*[(one, one) for one in view])
     letter = np.array([train.letters.index(label) for label in train.labels])
-    part, wanted = whole_image._parts(train, letter), np.eye(3)[letter]
+    part, wanted = parts_of_presses(train), np.eye(3)[letter]
     seen = []
     monkeypatch.setattr(whole_image, "_log_p", lambda scores: seen.append(scores) or -np.ones_like(scores))
     for name, value in (("_WIDTHS", (1.0,)), ("_RIDGES", (0.01,)), ("_SHARPNESS", (1.0,))):
