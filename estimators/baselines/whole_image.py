@@ -7,11 +7,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import inv, solve
+from scipy.special import log_softmax
 
 from tactsim.core import Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import poses_unknown
 from tactsim.estimators.baselines.nearest import ReadingClassifier
 from tactsim.estimators.estimator import check_order
 from tactsim.estimators.likelihoods.folds import can_leave_out, parts_of_presses
@@ -31,6 +33,8 @@ _CHOSEN_ON, _FITTED = 800, 4000
 _SAME = 1e-6
 # The probability that a reading says nothing of the letter, whatever the classifier makes of it.
 _OUTLIER = 0.01
+# How much of what the readings of a press say is said by each of them, the first where several foretell as well.
+_SHARED = tuple(step / 20 for step in range(21))
 
 
 class WholeImage(ReadingClassifier):
@@ -50,7 +54,10 @@ class WholeImage(ReadingClassifier):
 
     A press must hold all of an object: windows of it have images of their own.
 
-    view: which one was chosen. sharpness: the power.
+    Where a sequence is the readings of one press, as of a grasp, they say much the same. Then n of them count as
+    n / (1 + (n - 1) shared) independent ones (the design effect, Kish 1965); left-out presses choose `shared`.
+
+    view: which one was chosen. sharpness: the power. shared: 0 where each reading is of a press of its own.
     """
 
     def fit(self, scan: Scan) -> None:
@@ -72,7 +79,12 @@ class WholeImage(ReadingClassifier):
         self._scale = [
             max(float(np.median(one[between])), _SAME) if len(some) > 1 else 1.0 for one in squares
         ]
-        self._choose(squares, wanted[some], parts_of_presses(train)[some] if can_leave_out(train) else None)
+        left_out = self._choose(
+            squares, wanted[some], parts_of_presses(train)[some] if can_leave_out(train) else None
+        )
+        # Where nobody knows the poses, a sequence is one press; else its readings are of presses here and there.
+        one_press = poses_unknown(scan.meta)
+        self.shared = _shared(left_out, wanted[some], train.press_numbers[some]) if one_press else 0.0
         kernel = self._kernel(_squares(*[(view, view) for view in self._known]), self.view, self._width)
         kernel.flat[:: len(kernel) + 1] += self._ridge
         self._weights = solve(kernel, wanted, assume_a="pos")
@@ -123,14 +135,18 @@ class WholeImage(ReadingClassifier):
                 total += weight * np.exp(one / (-width * scale))
         return total
 
-    def _choose(self, squares: list[FloatArray], wanted: FloatArray, part: NDArray[np.intp] | None) -> None:
+    def _choose(
+        self, squares: list[FloatArray], wanted: FloatArray, part: NDArray[np.intp] | None
+    ) -> FloatArray:
         """Choose what foretells left-out presses best: view, width, ridge and sharpness; `part` is that of a reading.
 
-        The scores of a part that is left out follow from the inverse of all of the kernel.
+        The scores of a part that is left out follow from the inverse of all of the kernel. Returns what the readings
+        say when their presses are left out, log p (n, letters); nothing where none can be.
         """
         self.view, self._width, self._ridge, self.sharpness = "both", 1.0, 0.01, 4.0
+        left_out = np.zeros_like(wanted)
         if part is None:  # no object was pressed twice, so no press is foretold by others
-            return
+            return left_out
         best = -np.inf
         parts = [np.flatnonzero(part == number) for number in np.unique(part)]
         for view, width in product(_VIEWS, _WIDTHS):
@@ -141,17 +157,50 @@ class WholeImage(ReadingClassifier):
                 for own in parts:
                     scores[own] -= solve(inverse[np.ix_(own, own)], weights[own], assume_a="pos")
                 for sharpness in _SHARPNESS:
-                    says = float((_log_p(sharpness * scores) * wanted).sum())
+                    log_p = _log_p(sharpness * scores)
+                    says = float((log_p * wanted).sum())
                     if says > best:
-                        best = says
+                        best, left_out = says, log_p
                         self.view, self._width, self._ridge = view, width, ridge
                         self.sharpness = float(sharpness)
+        return left_out
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget the sequence: every letter is equally probable again."""
+        super().reset(rng)
+        self._total, self._seen = np.zeros(len(self.labels)), 0
 
     def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
         views = self._views(reading[None])
         squares = _squares(*[(view, known) for view, known in zip(views, self._known, strict=True)])
         self._evaluated += 1
-        return _log_p(self.sharpness * self._kernel(squares, self.view, self._width) @ self._weights)[0]
+        self._total += _log_p(self.sharpness * self._kernel(squares, self.view, self._width) @ self._weights)[
+            0
+        ]
+        self._seen += 1
+        return _together(self._total, self._seen, self.shared) - self._sum
+
+
+def _shared(left_out: FloatArray, wanted: FloatArray, press: NDArray[np.int64]) -> float:
+    """Learn how much of what the readings of a press say is said by each of them, 0 to 1.
+
+    left_out: log p (n, letters) of readings whose presses are left out. wanted: the letter (n, letters), 0 or 1.
+    press: of each reading (n,). That is chosen which gives the letters of whole presses most log-probability.
+    """
+    _, first, which, count = np.unique(press, return_index=True, return_inverse=True, return_counts=True)
+    total = np.zeros((len(count), left_out.shape[1]))
+    np.add.at(total, which.reshape(-1), left_out)
+    right = wanted[first] > 0
+
+    def says(shared: float) -> float:
+        return float(log_softmax(_together(total, count[:, None], shared), axis=1)[right].sum())
+
+    return max(_SHARED, key=says)
+
+
+def _together(total: FloatArray, count: NDArray[np.intp] | int, shared: float) -> FloatArray:
+    """Give what readings say together whose log p, as if independent, sum to `total`: the design effect (Kish 1965)."""
+    return total / (1 + (count - 1) * shared)
 
 
 def _evenly(count: int, most: int) -> NDArray[np.intp]:

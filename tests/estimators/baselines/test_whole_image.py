@@ -118,6 +118,43 @@ def test_the_stated_probability_is_that_of_left_out_presses():
     assert np.mean(sure) < 0.6
 
 
+def grasps(same, meta):
+    """Sixty grasps of four readings each. A reading shows its object, or in 3 of 10 cases any; all of a grasp the same
+    or each anew."""
+    rng, names = np.random.default_rng(5), list(BARS)
+    labels = np.repeat(np.tile(names, 20), 4)
+    images = []
+    for name in labels[::4]:
+        shown = [rng.choice(names) if rng.random() < 0.3 else name for _ in range(4)]
+        image = [pressed(one, *rng.uniform(-8, 8, 2), rng.uniform(0, 2 * np.pi)) for one in shown]
+        images += image[:1] * 4 if same else image
+    return Scan(
+        np.array(images), np.zeros((240, 3)), labels, np.full(240, "train"), PAD.taxel_xy,
+        presses=np.repeat(np.arange(60), 4), meta=meta,
+    )  # fmt: skip
+
+
+def after(estimator, readings):
+    estimator.reset(np.random.default_rng(0))
+    for reading in readings:
+        estimator.update(reading, [0, 0, 0])
+    return estimator.estimate().probabilities
+
+
+def test_readings_of_a_grasp_count_as_what_they_say_together():
+    """Copies say no more than one of them; independent readings are multiplied."""
+    unknown = {"poses": "unknown"}
+    copies, anew = (fitted_anew("whole-image", grasps(same, unknown)) for same in (True, False))
+    assert copies.shared > 0.8
+    assert anew.shared < 0.2
+    told = fitted_anew("whole-image", grasps(True, {}))
+    assert told.shared == 0  # readings of a sequence are of presses here and there
+    reading = pressed("tee", 1, 2, 0.5)
+    one, four = after(copies, [reading]), after(copies, [reading] * 4)
+    assert four == pytest.approx(one, abs=0.05)
+    assert max(after(told, [reading] * 4).values()) > max(four.values())
+
+
 def test_probabilities_are_those_of_kernels_summed_by_hand():
     rng = np.random.default_rng(1)
     readings = rng.uniform(0, 9, (7, 2))
