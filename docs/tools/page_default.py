@@ -33,7 +33,7 @@ from tactsim.core import InputError
 from tactsim.core.source_digest import short_commit
 from tactsim.estimators import create
 
-SEEDS = range(108, 113)
+SEEDS = range(119, 124)
 DEFAULT, BASELINE = RunConfig.model_fields["estimator"].default, "nearest"
 CHOICE = ("refined", "graded", "force-mosaic")
 FIGURES = ("accuracy", "error_all_mm", "negative_log_likelihood")  # that every trial has
