@@ -132,8 +132,10 @@ def print_run(run: Run, verbose: bool = False) -> None:
         console.print(line, style="bold")
     rows = rows_of(run.readings, ROWS) if verbose else rows_of(run.readings)
     console.print(_table(run, rows, verbose))
-    right = f"right: share of the trials that name the {run.thing}"
-    console.print(f"{right}; error: how far from its true place they put it, mean over those named rightly")
+    said = f"right: share of the trials that name the {run.thing}"
+    if "error_mm" in _known_figures(run, verbose):
+        said += "; error: how far from its true place they put it, mean over those named rightly"
+    console.print(said)
     k = min(5, run.readings)
     for name in (Path(path).stem for path in run.config.get("shapes") or ()):
         right = run.trials.right[run.trials.truth == name, k - 1]
@@ -239,7 +241,7 @@ def work_line(work: Mapping[str, Any]) -> str:
 
 def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
     """Lay out some readings or touches: the share that is right, its interval, and what else is known of them."""
-    values, shown = {**run.summary, **run.against_bound}, run.kind.table(run, verbose)
+    values, shown = {**run.summary, **run.against_bound}, _known_figures(run, verbose)
     known = figures(run.kind.name)
     heads = (run.kind.touches, known["accuracy"].column, "95 % interval")
     table = plain_table(*heads, *(known[name].column for name in shown), words=0)
@@ -252,6 +254,12 @@ def _table(run: Run, rows: Sequence[int], verbose: bool) -> Table:
             *(number(values[name][k], known[name].digits or 0) for name in shown),
         )
     return table
+
+
+def _known_figures(run: Run, verbose: bool) -> list[str]:
+    """List the figures of a run's table; none is of the place where nothing is placed."""
+    values = {**run.summary, **run.against_bound}
+    return [name for name in run.kind.table(run, verbose) if any(value is not None for value in values[name])]
 
 
 def number(value: float | None, digits: int) -> str:

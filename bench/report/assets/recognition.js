@@ -38,11 +38,14 @@ function recognitionView(protocol) {
   const scene = s("svg", { class: "scene", role: "img" });
   const tactile = s("svg", { class: "tactile", role: "img" }), heading = h("h4", {});
   const bars = h("div", { class: "bars" });
-  const history = s("svg", { class: "history", role: "img" });
+  const history = s("svg", { class: "history", role: "img" }), historyHint = h("p", { class: "hint" });
   const planes = h("div", { class: "planes" });
+  const planesHint = h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out. The stronger the colour, the more probable; drawn is the square root of the probability, so that faint places are seen, too. Cross: true. Ring: estimate, at any of the turns that look the same.");
   const status = h("p", { class: "status", "aria-live": "polite" });
   const remark = h("p", { class: "hint" });
   const grey = h("span", {});
+  const onObject = h("div", { class: "card a" }, h("h4", {}, `The pad on the ${data.thing}`), scene,
+    h("p", { class: "hint" }, `In the ${data.thing}'s own frame. `, grey, ` Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the ${data.thing}'s centre is with 90 %.`));
 
   const runChoice = choice("Method", runs.map((run, i) => [i, run]), (i) => start(runs[i], trial.kind));
   const kinds = [...new Set(trials.map((one) => one.kind))];
@@ -137,6 +140,7 @@ function recognitionView(protocol) {
     const [w, height] = trial.taxelSize;
     const halfX = Math.max(...xs) + w / 2, halfY = Math.max(...ys) + height / 2;
     const outline = outlines[trial.truth];
+    onObject.hidden = !outline?.contours.length && !placed(); // nobody knows where the pad is on what
     const sensors = array(trial.sensor);
     let size = 1;
     for (let i = 0; i < count; i++) size = Math.max(size, Math.abs(sensors[3 * i]), Math.abs(sensors[3 * i + 1]));
@@ -185,13 +189,14 @@ function recognitionView(protocol) {
     bars.replaceChildren(...lettersToShow(trial).map((i, place) => barRow(trial.labels[i], p[i], place, trial.labels[i] === trial.answer)));
   }
 
-  // Every reading's belief as a stacked column, and the error below; a click goes to a reading.
+  // Every reading's belief as a stacked column, and the error below, if the object is placed; a click goes to a reading.
+  const placed = () => !Number.isNaN(array(trial.error)[0]);
   let historyWidth = 0;
   const left = 34;
   function drawHistory(k) {
     if (!historyWidth) return;
     const count = trial.estimate.length, shown = lettersToShow(trial);
-    const width = historyWidth, top = 8, middle = 100, gap = 14, bottom = 172, height = 192;
+    const width = historyWidth, top = 8, middle = 100, gap = 14, bottom = placed() ? 172 : middle, height = bottom + 20;
     history.setAttribute("width", width);
     history.setAttribute("height", height);
     history.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -210,7 +215,7 @@ function recognitionView(protocol) {
       });
     }
     const errors = array(trial.error);
-    if (!Number.isNaN(errors[0])) {
+    if (placed()) {
       // Near 0 the scale is linear, far from it logarithmic: first guesses are 20 mm off, last ones 0.2.
       const most = Math.max(1, ...errors);
       const sy = (value) => bottom - ((bottom - middle - gap) * Math.log1p(4 * value)) / Math.log1p(4 * most);
@@ -224,8 +229,11 @@ function recognitionView(protocol) {
     axis.append(s("text", { class: "name", x: (left + width) / 2, y: height - 4, "text-anchor": "middle" }, "reading"));
     parts.push(s("rect", { class: "here", x: x(k) - 1.5, y: top - 3, width: 0.92 * column + 3, height: bottom - top + 6, rx: 2 }));
     history.replaceChildren(...parts);
+    history.setAttribute("aria-label", `Belief over the ${data.thing}s${placed() ? " and placement error" : ""} after every reading`);
+    historyHint.textContent = placed()
+      ? "Above: the belief after every reading. Below: the placement error, mm. Click to go to a reading."
+      : "The belief after every reading. Click to go to a reading.";
   }
-  history.setAttribute("aria-label", `Belief over the ${data.thing}s and placement error after every reading`);
   history.addEventListener("click", (event) => {
     const count = trial.estimate.length;
     stop();
@@ -234,6 +242,7 @@ function recognitionView(protocol) {
 
   function drawPlane(k) {
     const plane = trial.plane;
+    planesHint.hidden = !plane;
     if (!plane) {
       planes.replaceChildren(h("p", { class: "hint" }, "This method does not show its belief over the plane."));
       return;
@@ -266,8 +275,7 @@ function recognitionView(protocol) {
 
   onTheme(draw);
   start(runs[0], kinds[0]);
-  const letters = h("div", { class: "card c" }, h("h4", {}, `Belief over the ${data.thing}s`), bars, history,
-    h("p", { class: "hint" }, "Above: the belief after every reading. Below: the placement error, mm. Click to go to a reading."));
+  const letters = h("div", { class: "card c" }, h("h4", {}, `Belief over the ${data.thing}s`), bars, history, historyHint);
   whenSized(letters, (width) => {
     historyWidth = width;
     drawHistory(reading - 1);
@@ -278,12 +286,11 @@ function recognitionView(protocol) {
     h("div", { class: "controls sticky" }, back, play, next, holder),
     status,
     h("div", { class: "recognition" },
-      h("div", { class: "card a" }, h("h4", {}, `The pad on the ${data.thing}`), scene,
-        h("p", { class: "hint" }, `In the ${data.thing}'s own frame. `, grey, ` Squares: the pad now. Thin: where it was pressed before. Dashed: the estimate. Ellipse: where the ${data.thing}'s centre is with 90 %.`)),
+      onObject,
       h("div", { class: "card b" }, heading, tactile),
       letters,
       h("div", { class: "card d" }, h("h4", {}, "Belief over the plane"), planes,
-        h("p", { class: "hint" }, "x and y of the robot in the object's frame, the angle summed out. The stronger the colour, the more probable; drawn is the square root of the probability, so that faint places are seen, too. Cross: true. Ring: estimate, at any of the turns that look the same.")),
+        planesHint),
     ),
   ];
 }
