@@ -10,7 +10,7 @@ import typer
 
 from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import Words, key_values, with_options_of
-from tactsim.bench.config import ScanWords, run_config
+from tactsim.bench.config import RunConfig, ScanWords, run_config
 from tactsim.bench.console import plain_console, plain_table
 from tactsim.bench.places import check_new_file, saved
 from tactsim.core.errors import counted
@@ -108,7 +108,9 @@ _WHAT = {
 
 def command_fit(
     scan: Path = typer.Argument(..., metavar="SCAN", help="The scan, .npz; its training readings count."),
-    estimator: str = typer.Option("stacked", help="Whose options are chosen; a filter on maps."),
+    estimator: str = typer.Option(
+        RunConfig.model_fields["estimator"].default, help="Whose options are chosen; a filter on maps."
+    ),
     settings: list[str] | None = typer.Option(None, "--set", help="An option not to be chosen, name=value."),
     out: Path | None = typer.Option(
         None, help="A world file (.toml) with the pad and the response, for `bench scan --world`."

@@ -10,6 +10,7 @@ import typer
 
 from tactsim.bench.cli import pad_options as pads
 from tactsim.bench.cli import shared_options as shared
+from tactsim.bench.config import RunConfig
 from tactsim.bench.console import plain_console
 
 if TYPE_CHECKING:
@@ -28,7 +29,9 @@ def command_live(
     train_scan: Path | None = typer.Option(
         None, help="What the estimator learns from. Default: simulated presses of AEIOU on this pad."
     ),
-    estimator: str = typer.Option("stacked", help="The estimator; `bench list` names them all."),
+    estimator: str = typer.Option(
+        RunConfig.model_fields["estimator"].default, help="The estimator; `bench list` names them all."
+    ),
     settings: list[str] | None = typer.Option(
         None, "--set", help="An option of the estimator, key=value; unknown=0.5 allows 'none'."
     ),
