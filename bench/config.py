@@ -410,10 +410,10 @@ class RunConfig(ScanWords):
                 "presses of a pad are for testing; name what is trained on with --train-scan (in Python train_scan), "
                 "a file of `bench record` or `bench scan`"
             )
-        if self.trials == "all" and ((self.scan is None and self.given is None) or self.explore != "random"):
-            raise ValueError(
-                "trials all takes each test press of a scan once; name it with --scan, and leave out explore"
-            )
+        if self.trials == "all" and self.explore != "random":
+            raise ValueError("trials all takes each test press once, in whatever order: leave out explore")
+        if self.trials == "all" and self.scan is None and self.given is None:
+            raise ValueError("trials all takes each test press of a scan once; name it with --scan")
         for name in ("bins", "particles"):
             if name in self.set and getattr(self, name) is not None:
                 raise ValueError(f"{name} is given by itself and in set; leave one out")

@@ -185,6 +185,16 @@ class Plane(Kind):
                 "readings, so give a number"
             )
         check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
+        if not poses_unknown(gathered.scan.meta):
+            return
+        if not config.moving.still:
+            raise InputError(
+                "slip: poses are unknown, so a trial takes the readings of one press, in which nothing slips"
+            )
+        if config.explore == "information" and gathered.scan.where("test").at_one_pose:
+            raise InputError(
+                "explore information: poses are unknown, so no touch is at another place; leave it out"
+            )
 
     def tasks(self, config: RunConfig, gathered: Gathered) -> list[OneTrial]:
         """List the trials of a run: as many of each letter, or one for each of its test presses."""
@@ -233,6 +243,11 @@ class Plane(Kind):
             options = pad_fit.outer(options)
             said = {"options": options.model_dump(mode="json"), "pad_fit": pad_fit.facts()}
         notes = notes_on(scan)
+        if poses_unknown(scan.meta) and scan.where("train").at_one_pose and maps_of(estimator):
+            notes.append(
+                "nobody knows where presses were taken: these maps are of presses laid over each other as they came; "
+                "stacked and whole-image name whole presses by their images"
+            )
         said |= {
             "protocol": _protocol_name(config, scan),
             "slip": config.moving.describe(),

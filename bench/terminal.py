@@ -220,7 +220,9 @@ def _refused(run: Run) -> str:
     of = f"trials of {', '.join(run.config['hold_out'])}, {known or 0:.0%} of the others"
     if known is None:
         of = "trials, in each of which the letter itself is not known"
-    more = "" if run.about["options"].get("unknown") else "; `--set unknown=0.5` lets `stacked` say so"
+    # Only maps tell that it is none of them.
+    asks = not run.about["options"].get("unknown") and run.trials.places
+    more = "; `--set unknown=0.5` lets `stacked` say so" if asks else ""
     return f"taken for none of the known letters at reading {run.readings}: {unknown:.0%} of the {of}{more}"
 
 

@@ -320,7 +320,7 @@ def check_readings(scan: Scan, letters: Iterable[str], readings: int, hold_out: 
         if poses_unknown(scan.meta) and readings > (most := int(_counted_presses(test)[1].max())):
             raise InputError(
                 f"{readings} readings a trial: poses are unknown, so a trial takes the readings of one press, and no "
-                f"test press of {letter!r} has more than {most}; ask for at most {most}, or cut smaller windows"
+                f"test press of {letter!r} has more than {most}; ask for at most {most} (--readings {most})"
             )
         check_count(letter, len(test), readings)
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from tactsim.core import Scan
+from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
 from tactsim.core.provenance import poses_unknown
 from tactsim.estimators.estimator import Estimate, Estimator, Options, PlaneBelief, proposes_none
 from tactsim.estimators.filters.refined import GradedOptions, RefinedFilter
+from tactsim.estimators.filters.states import WeightedStates
 from tactsim.estimators.likelihoods.folds import parts_of_presses
 from tactsim.estimators.options import MODELS, MOTION
 
@@ -40,7 +41,7 @@ class StackedFilter(RefinedFilter):
 
     Maps need poses. Where each object's training presses are stated at one pose, and the scan says that none is known
     or they are not alike, objects are named by the images of their presses, as `whole-image` does, and nothing is said
-    of the place. Only maps tell "none of these": they stay where `unknown` asks for it.
+    of the place. Only maps tell "none of these", so `unknown` is refused there.
 
     Where they are alike, images name objects if they name left-out presses better than maps of one pose do.
 
@@ -55,9 +56,17 @@ class StackedFilter(RefinedFilter):
     image: WholeImage | None = None
     why: str | None = None
 
+    def __init__(self, options: StackedOptions) -> None:
+        super().__init__(options)
+        self._budget_of_maps = self.budget
+
     def fit(self, scan: Scan) -> None:
-        """Learn maps and measurement models from the training readings, or their images; see `MapFilter.fit`."""
+        """Learn maps and measurement models from the training readings, or their images; see `MapFilter.fit`.
+
+        Raises InputError also where `unknown` asks for maps, and nobody knows the poses.
+        """
         self.image, self.why = None, self._why_image(scan)
+        self.budget = None if self.why else self._budget_of_maps
         if not self.why:
             super().fit(scan)
             return
@@ -74,9 +83,15 @@ class StackedFilter(RefinedFilter):
     def _why_image(self, scan: Scan) -> str:
         """Say why images are to name the objects, in words; "" if maps are."""
         train = scan.where("train")
-        if self.options.unknown or not len(train) or not at_one_pose(train):
+        if not len(train) or not train.at_one_pose:
             return ""
-        return no_poses(train) or self._better_by_image(train)
+        unknown = no_poses(train)
+        if unknown and self.options.unknown:
+            raise InputError(
+                f"unknown: only maps tell that an object is none of those trained, and maps need poses, but {unknown}; "
+                "leave unknown out"
+            )
+        return unknown or ("" if self.options.unknown else self._better_by_image(train))
 
     def _better_by_image(self, train: Scan) -> str:
         """Say by how much images name presses that are left out better than maps do, in words; "" if they do not."""
@@ -140,6 +155,24 @@ class StackedFilter(RefinedFilter):
             raise proposes_none("stacked, which knows no poses here,")
         return super().propose(candidates)
 
+    def weighted_states(self) -> WeightedStates:
+        """Give the belief as weighted states; see `MapFilter.weighted_states`. Raises InputError of images."""
+        if self.image is not None:
+            raise InputError(
+                "stacked names objects by their images here, and holds no states; ask for its estimate"
+            )
+        return super().weighted_states()
+
+    @property
+    def touches(self) -> int:
+        """Count the readings so far."""
+        return super().touches if self.image is None else self.image.touches
+
+    @property
+    def located(self) -> bool:
+        """Tell whether the belief can be followed from here on: where the filter has maps."""
+        return self.image is None
+
     def belief_over_plane(self) -> PlaneBelief | None:  # type: ignore[override]
         """Show how the belief lies over the plane, mm; None of images."""
         return super().belief_over_plane() if self.image is None else None
@@ -156,11 +189,6 @@ class StackedFilter(RefinedFilter):
         return super().work if self.image is None else self.image.work
 
 
-def at_one_pose(presses: Scan) -> bool:
-    """Tell whether each object has all of its presses stated at one pose."""
-    return not any(np.ptp(presses.poses[presses.labels == label], axis=0).any() for label in presses.letters)
-
-
 def no_poses(presses: Scan) -> str:
     """Say why nobody knows where presses that are stated at one pose were taken, in words; "" if that may be known.
 
@@ -168,7 +196,7 @@ def no_poses(presses: Scan) -> str:
     several moments, the first are compared with the first, and so on.
     """
     letters = presses.letters
-    if poses_unknown(presses.meta):
+    if poses_unknown(presses.meta.get("train", presses.meta)):
         return "nobody knows their poses"
     if len(letters) < 2:
         return ""
@@ -187,7 +215,10 @@ def no_poses(presses: Scan) -> str:
             within += _squares(own) * len(own) / max(len(own) - 1, 1)
     if within <= _UNLIKE * among:
         return ""
-    return f"those that are stated at one pose vary {within / among:.2f} times as much as all"
+    return (
+        f"those of an object are stated at one pose, but differ {within / among:.2f} times as much as those of all "
+        f"objects do, where at most {_UNLIKE:.2f} are alike"
+    )
 
 
 def _squares(images: FloatArray) -> float:

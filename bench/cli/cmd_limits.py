@@ -130,6 +130,7 @@ def command_fit(
     from tactsim.estimators.likelihoods.folds import can_leave_out
     from tactsim.estimators.options import FilterOptions
     from tactsim.estimators.pad_fit import fit_to_pad, response, units_of
+    from tactsim.estimators.stacked_filter import no_poses
 
     made = create(estimator, **key_values(settings or (), "--set"))
     if not isinstance(made.options, FilterOptions):
@@ -141,6 +142,8 @@ def command_fit(
     train = train if len(train) else readings
     if not train.readings.any():
         raise InputError(f"{scan}: no training reading touches anything; press harder, or at other places")
+    if train.at_one_pose and (unknown := no_poses(train)):
+        raise InputError(f"{scan}: options are of maps, which need poses, but {unknown}")
     if not can_leave_out(train):
         raise InputError(
             f"{scan}: no object has two training presses, so nothing tells which options foretell a press best; "

@@ -72,6 +72,8 @@ def command_live(
     from tactsim.bench.watching.recogniser import Recogniser, on_taxels
     from tactsim.bench.watching.touch_leader import TouchLeader
     from tactsim.bench.watching.web import WebPage
+    from tactsim.core import InputError
+    from tactsim.core.provenance import poses_unknown
     from tactsim.estimators import create
     from tactsim.estimators.estimator import proposes_none
     from tactsim.estimators.likelihoods.occupancy import maps_of
@@ -95,11 +97,20 @@ def command_live(
         with progress_bars() as progress:
             train = _training(train_scan, described, shapes or (), progress)
             train = on_taxels(train, source.taxel_xy, str(train_scan or "the simulation"))
+            if (unit := train.meta.get("unit", "kPa")) != source.unit:
+                raise InputError(
+                    f"{train_scan} is in {unit}, the pad reads {source.unit}; give a scan of this pad"
+                )
             progress("map", 0, 1)
             recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if asks() else None)
             progress("map", 1, 1)
         ask = asks()  # what it learned from may tell no poses to choose among
         hand = source if isinstance(source, SimulatedHand) else None
+        if poses_unknown(train.meta):
+            whole = (
+                "nobody knows the poses that it learned from: press all of the object, wherever it asks for"
+            )
+            plain_console(stderr=True).print(whole, soft_wrap=True)
         if hand is None and correction is None:
             untared = "no --calibration: if the pad never counts as lifted, `bench tare` makes one"
             plain_console(stderr=True).print(untared, soft_wrap=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tactsim import models
 from tactsim.core import Scan
 from tactsim.core.poses import transform, wrap_angle
+from tactsim.core.provenance import poses_unknown
 from tactsim.estimators import Options
 from tactsim.estimators.likelihoods.classifier import CONTACT, NO_CONTACT, classify, threshold_of
 from tactsim.press.clip import covers
@@ -70,6 +71,14 @@ def notes_on(scan: Scan) -> list[str]:
             f"{share:.0%} of the test presses are near copies of training presses (same pose, correlation "
             f"{correlation:.4f}): this measures how well presses repeat, not how well new ones are recognised"
         )
+    if poses_unknown(scan.meta):
+        of = scan.press_numbers
+        train, test = (np.unique(of[scan.split == split]) for split in ("train", "test"))
+        if both := len(np.intersect1d(train, test)):
+            notes.append(
+                f"{both} of {len(test)} test presses have training readings, too: this measures how well readings of "
+                "a press repeat, not how well new presses are recognised"
+            )
     loads = scan.where("train").loads
     known = np.array([]) if loads is None else loads[~np.isnan(loads)]
     if len(known) > 1 and np.ptp(known) <= _ONE_LOAD * known.max():

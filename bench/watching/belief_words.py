@@ -86,8 +86,9 @@ class BeliefWords:
         values: dict[str, Any] = {"touch": len(belief.touches)}
         if estimate is None:
             return values
-        known = estimate.label in self._of and estimate.samples is not None
-        sure = certainty(estimate, estimate.robot_in_object, self._of[estimate.label]) if known else None
+        of, sure = self._of.get(estimate.label), None
+        if of is not None and of.placed and estimate.samples is not None:
+            sure = certainty(estimate, estimate.robot_in_object, of)
         mean, spread = estimate.mean, estimate.covariance
         values |= {
             "label": estimate.label,
@@ -152,7 +153,7 @@ class BeliefWords:
 
     def _error(self, label: str, robot_in_object: FloatArray) -> float | None:
         assert self.hidden is not None
-        if label != self.hidden.label or label not in self._of:
+        if label != self.hidden.label or label not in self._of or not self._of[label].placed:
             return None
         error = placement_error(robot_in_object, self.hidden.robot_in_object, self._of[label])
         return round(float(error), 3)

@@ -524,7 +524,7 @@ class MapFilter(Estimator):
 class GridFilter(MapFilter):
     """A filter on maps over the bins of `grid`, which options say by `bins`, or by `split`."""
 
-    budget = "bins"
+    budget: str | None = "bins"
     draws = False
     grid: StateGrid
 

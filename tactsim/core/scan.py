@@ -183,6 +183,11 @@ class Scan:
         return np.arange(len(self)) if self.presses is None else self.presses
 
     @property
+    def at_one_pose(self) -> bool:
+        """Tell whether each object has all of its readings stated at one pose."""
+        return not any(np.ptp(self.poses[self.labels == label], axis=0).any() for label in self.letters)
+
+    @property
     def about(self) -> dict[str, Any]:
         """Say units, frames, pad, licence and how the scan was made, as `provenance.statements` lists them."""
         from tactsim.core.making import statements

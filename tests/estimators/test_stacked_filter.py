@@ -54,13 +54,20 @@ def test_presses_that_lie_elsewhere_than_stated_are_named_as_whole_image_names_t
         assert said.probabilities == answer(baseline, *own).probabilities
         assert said.label == label
         assert said.samples is None
-    assert "by images of whole presses: those that are stated at one pose vary" in estimator.describe()
+    assert (
+        "by images of whole presses: those of an object are stated at one pose, but" in estimator.describe()
+    )
     assert estimator.work["likelihood_evaluations"] > 0
     assert not estimator.maps
     assert estimator.belief_over_plane() is None
     assert not estimator.proposes
     with pytest.raises(InputError, match="knows no poses here, proposes no readings"):
         estimator.propose([ORIGIN])
+    with pytest.raises(InputError, match="by their images here, and holds no states"):
+        estimator.weighted_states()
+    assert estimator.touches == 3
+    assert not estimator.located
+    assert estimator.budget is None  # no bins are asked
 
 
 def test_an_object_may_have_a_pose_of_its_own_and_any_unit(anywhere):
@@ -79,6 +86,10 @@ def test_a_scan_may_say_that_no_pose_is_known():
     assert fitted(scan).image is None
     estimator = fitted(replace(scan, meta={"poses": "unknown"}))
     assert "nobody knows their poses" in estimator.describe()
+    trained = replace(scan, meta={"train": {"poses": "unknown"}})  # tested on presses whose poses are known
+    assert "nobody knows their poses" in fitted(trained).describe()
+    with pytest.raises(InputError, match="maps need poses, but nobody knows their poses; leave unknown out"):
+        fitted(replace(scan, meta={"poses": "unknown"}), unknown=0.5)
     scan = make_scan("ILT")
     assert (
         fitted(replace(scan, meta={"poses": "unknown"})).image is None
@@ -133,7 +144,7 @@ def test_maps_stay_where_poses_are_told_or_only_they_answer(why):
     elif why == "one object":
         scan = pressed(rng, 3.0).where(label="T")
     elif why == "none of these":
-        scan, options = pressed(rng, 3.0), {"unknown": 0.5}
+        options = {"unknown": 0.5}
     elif why == "one press each":
         scan = pressed(rng, 3.0, 2)
     estimator = fitted(scan, **options)
@@ -150,3 +161,4 @@ def test_a_new_fit_takes_maps_again(anywhere):
     reading = scan.where("test").readings[0]
     assert answer(estimator, reading).probabilities == answer(new, reading).probabilities
     assert estimator.describe() == new.describe()
+    assert estimator.budget == new.budget == "bins"

@@ -155,6 +155,15 @@ def test_readings_of_a_grasp_count_as_what_they_say_together():
     assert max(after(told, [reading] * 4).values()) > max(four.values())
 
 
+def test_a_touch_of_nothing_says_nothing():
+    scan = scan_of(np.random.default_rng(0), 24)
+    estimator = fitted_anew("whole-image", scan)
+    nothing = np.full(scan.readings.shape[1], 0.01)
+    assert set(after(estimator, [nothing]).values()) == {1 / 3}
+    some = scan.readings[0]
+    assert after(estimator, [nothing, some]) == after(estimator, [some])
+
+
 def test_probabilities_are_those_of_kernels_summed_by_hand():
     rng = np.random.default_rng(1)
     readings = rng.uniform(0, 9, (7, 2))
