@@ -108,12 +108,11 @@ def _how(metric: Metric) -> dict[str, Any]:
     return {"digits": metric.digits, "better": metric.better}
 
 
-def _headlines(readings: int) -> list[str]:
+def _headlines(group: Group) -> list[str]:
     """List the figures of the table that a task begins with."""
-    last = ("accuracy@{}", *_WHOLE, "error_mm@{}", "ms")
-    return [
-        *(f"accuracy@{k}" for k in _SEEN if k < readings), *(figure.format(readings) for figure in last)
-    ]  # fmt: skip
+    readings = group.readings
+    error = [f"error_mm@{readings}"] * group.places
+    return [*(f"accuracy@{k}" for k in _SEEN if k < readings), f"accuracy@{readings}", *_WHOLE, *error, "ms"]
 
 
 def _versions(entries: Sequence[Pooled]) -> str:
@@ -158,7 +157,7 @@ def _title(protocol: str) -> str:
 
 def _task(group: Group, methods: Sequence[str], arrays: Arrays) -> dict[str, Any]:
     keys = {id(entry): number for number, entry in enumerate(group.entries)}
-    headlines = _headlines(group.readings)
+    headlines = _headlines(group)
     return {
         "name": group.task,
         "readings": group.readings,

@@ -98,7 +98,7 @@ def plots(group: Group, name: str) -> dict[str, Markup]:
         "share": (_draw_share, "Accuracy against readings seen"),
         "stated": (_draw_reliability, f"Reliability diagram of the {group.thing}'s probability"),
     }
-    if _places(group):
+    if group.places:
         found["error"] = (_draw_error, "Placement error against readings seen")
     if sure:
         found["held"] = (_draw_held, "Coverage of the 90 % regions against readings seen")
@@ -133,7 +133,7 @@ def pareto_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008
 @mpl.rc_context(_TYPE)
 def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B008  (frozen)
     """Draw accuracy and error of all runs against readings seen, with bands: the paper's figures 6 and 7."""
-    both = ("accuracy", "error") if _places(group) else ("accuracy",)
+    both = ("accuracy", "error") if group.places else ("accuracy",)
     shown = both if sheet.panel is None else (sheet.panel,)
     if not set(shown) <= set(both):
         raise InputError(f"there is no error to draw: no run places its {group.thing}s; leave --panel out")
@@ -157,10 +157,6 @@ def readings_figure(group: Group, sheet: Sheet = Sheet()) -> Figure:  # noqa: B0
         notes = below_bound(group) if of_error else []
         _caption(figure, group, "\n".join([" ".join([*of_error, "Bands: 95 % intervals."]), *notes]))
     return figure
-
-
-def _places(group: Group) -> bool:
-    return any(error is not None for entry in group.entries for error in entry.summary["error_mm"])
 
 
 def _panels(sheet: Sheet, count: int, height: float) -> tuple[Figure, list[Axes]]:

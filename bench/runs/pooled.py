@@ -155,6 +155,11 @@ class Group:
         return found.pop() if len(found) == 1 else "object"
 
     @property
+    def places(self) -> bool:
+        """Tell whether any run says where its objects lie, rightly named."""
+        return any(error is not None for entry in self.entries for error in entry.summary["error_mm"])
+
+    @property
     def readings(self) -> int:
         """Count the readings that every run has."""
         return min(entry.readings for entry in self.entries)

@@ -20,11 +20,12 @@ function readingsSection(task) {
     ranks.set(run.method, rank + 1);
   }
   const visible = new Set(task.runs.filter((run) => task.runs.length <= 6 || run.rank === 0).slice(0, 8));
+  const placed = document.getElementById(`${task.plots}-error`) !== null;
   const plots = h("div", { class: "two" }, plot(`${task.plots}-share`, "Share of trials right"),
-    document.getElementById(`${task.plots}-error`) && plot(`${task.plots}-error`, `Placement error where the ${data.thing} is right, mm`));
+    placed && plot(`${task.plots}-error`, `Placement error where the ${data.thing} is right, mm`));
   const last = Math.max(...task.runs.map((run) => run.readings));
   const control = slider("Values at reading", last, Math.min(10, last), update);
-  const values = runsTable(figuresOf("curves"));
+  const values = runsTable(knownOf(task.runs, figuresOf("curves")));
   const boxes = task.runs.map((run) => {
     const input = h("input", { type: "checkbox", checked: visible.has(run) });
     input.addEventListener("change", () => {
@@ -51,10 +52,10 @@ function readingsSection(task) {
   }
   update(Math.min(10, last));
   const bounded = task.runs.some((run) => run.bounded);
-  return section("Accuracy and error against readings",
+  return section(placed ? "Accuracy and error against readings" : "Accuracy against readings",
     h("fieldset", { class: "legend" }, h("legend", {}, "Runs"), boxes, buttons),
     plots,
-    h("p", { class: "hint" }, `${bandWords(task)}${bounded ? " Dashed in the colour of the text: the Cramer-Rao bound of the error." : ""}${task.printed.length ? " Stars and dotted lines: what the paper prints." : ""}`),
+    h("p", { class: "hint" }, `${bandWords(task, placed)}${bounded ? " Dashed in the colour of the text: the Cramer-Rao bound of the error." : ""}${task.printed.length ? " Stars and dotted lines: what the paper prints." : ""}`),
     task.notes.map((note) => h("p", { class: "hint" }, note)),
     h("div", { class: "controls" }, control.field),
     scrolling("Values at the chosen reading", values.table));
@@ -69,9 +70,9 @@ function runsTable(names) {
   return { table, show: (runs, reading) => body.replaceChildren(...runs.map((run) => row(run, reading - 1))) };
 }
 
-const bandWords = (task) => (task.runs.some((run) => run.scans > 1)
+const bandWords = (task, placed) => (task.runs.some((run) => run.scans > 1)
   ? "Bands: 95 % intervals over scans and trials."
-  : "Bands: 95 % Wilson interval of the share, 95 % interval of the mean error.");
+  : `Bands: 95 % Wilson interval of the share${placed ? ", 95 % interval of the mean error" : ""}.`);
 
 // What the paper prints, beside what came out here.
 function paperSection(task) {

@@ -64,6 +64,9 @@ const figureCell = (run, name, k) => within(figureOf(run, name, k), data.figures
 // The names of the figures that a section shows.
 const figuresOf = (section) => Object.keys(data.figures).filter((name) => data.figures[name].section === section);
 
+// Those of them that some run has after some reading.
+const knownOf = (runs, names) => names.filter((name) => runs.some((run) => run.figures[name][0].some((value) => value !== null)));
+
 // The headline table of the runs of a task. A click on a heading sorts by it.
 function headlineTable(task) {
   const columns = [
