@@ -1,5 +1,6 @@
 """Trials of presses whose poses nobody knows: each takes its touches from one, far from the robot."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from tactsim.bench.placement import properties
 from tactsim.bench.report.picture import plots
 from tactsim.bench.runs.pooled import collect, figure_of, pool
 from tactsim.bench.runs.saved import load
+from tactsim.bench.terminal import print_run
 from tactsim.bench.trials import OneTrial, TrialRules, check_readings, run_trial
 from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators import Estimate, Options
@@ -122,3 +124,46 @@ def test_a_curve_of_one_reading_is_a_mark_and_what_is_not_placed_has_no_panel(tm
     assert np.array(axes.collections[0].get_segments()).shape == (1, 2, 2)
     (group,) = collect([(tmp_path, run)])
     assert "one-error" not in plots(group, "one")
+
+
+def grasps():
+    """The windows as grasps: no reading lies elsewhere than another."""
+    scan = windows()
+    return replace(scan, poses=np.zeros_like(scan.poses))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"slip": {"walk_mm": 0.5}}, "slip: poses are unknown"),
+        ({"explore": "information", "estimator": "refined"}, "explore information: poses are unknown"),
+        ({"trials": "all", "explore": "information"}, "leave out explore"),
+        ({"readings": 7}, "ask for at most 6 (--readings 6)"),
+        ({"set": {"unknown": 0.5}}, "leave unknown out"),
+    ],
+)
+def test_what_needs_poses_is_refused_where_nobody_knows_them(words, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        tactsim.run(scan=grasps(), **{"trials": 2, "readings": 3, **words})
+
+
+def test_a_run_says_what_its_maps_are_of_and_which_presses_trained():
+    told = "maps are of presses laid over each other"
+    quick = {"trials": 1, "readings": 2, "bins": 200}
+    maps = tactsim.run(scan=grasps(), estimator="histogram", **quick)
+    assert any(told in note for note in maps.about["notes"])
+    images = tactsim.run(scan=grasps(), trials=1, readings=2)
+    assert not any(told in note for note in images.about.get("notes", []))
+    scan = grasps()
+    leaked = replace(scan, presses=scan.press_numbers - 10 * (scan.split == "test"))
+    run = tactsim.run(scan=leaked, estimator="nearest", trials=1, readings=2)
+    assert any("8 of 8 test presses have training readings, too" in note for note in run.about["notes"])
+
+
+def test_what_places_nothing_has_no_words_of_an_error(tmp_path, capsys):
+    run = tactsim.run(scan=grasps(), trials=1, readings=2)
+    print_run(run)
+    assert "error" not in capsys.readouterr().out
+    (group,) = collect([(tmp_path, run)])
+    assert not group.places
+    assert run.about["budget"] is None

@@ -2,6 +2,7 @@
 
 import json
 import signal
+from dataclasses import replace
 
 import pytest
 from command_line import emulated, refused
@@ -100,4 +101,22 @@ def test_what_does_not_fit_together_is_refused(here, tmp_path, scan_file):
         here("live", "--port", "simulated:I", "--train-scan", "moved.npz"),
         "moved.npz was taken on another pad",
     )
+    replace(scan, meta={**scan.meta, "unit": "count"}).save(tmp_path / "counts.npz")
+    refused(
+        here("live", "--port", "simulated:I", "--train-scan", "counts.npz"), "in count, the pad reads kPa"
+    )
     refused(here("live", "--port", "recording:all.tactrec"), "cannot be asked for more", "bench watch")
+
+
+@pytest.mark.parametrize("estimator", ["stacked", "histogram"])
+def test_where_nobody_knows_poses_no_place_is_said(here, tmp_path, scan_file, estimator):
+    scan = Scan.load(scan_file).of_letters(("I", "O"))
+    unknown = replace(scan, poses=0 * scan.poses, meta={**scan.meta, "poses": "unknown"})
+    unknown.save(tmp_path / "unknown.npz")
+    words = ["live", "--port", "simulated:O", "--train-scan", "unknown.npz", "--estimator", estimator]
+    result = here(*words, "--readings", "1", "--json")
+    assert result.returncode == 0, result.stderr
+    assert "press all of the object" in result.stderr
+    (said,) = (json.loads(line) for line in result.stdout.splitlines())
+    assert said["within_mm"] is None
+    assert said["error_mm"] is None
