@@ -21,7 +21,8 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.hardware.scans import PlacedPress, named_rows
+from tactsim.core.provenance import NO_POSES
+from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
 
 TABLES = (".csv", ".tsv", ".txt", ".log", ".asc", ".lvm")
@@ -62,7 +63,6 @@ _STATISTICS = {
     *("mean", "average", "avg", "median", "std", "stdev", "sd", "min", "max", "sum", "total", "count"),
     *("mittel", "mittelwert", "summe", "gesamt", "moyenne", "somme", "media", "suma", "somma", "gemiddelde"),
 }
-_POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}
 
 
 def columns_of(text: str) -> dict[str, str]:
@@ -104,7 +104,7 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     for where, words in named_rows(path, "presses", PressRow, LARGE, called, unit):
         words |= same
         if not rows:
-            posed = not _POSE.isdisjoint(words)
+            posed = has_pose(words)
             if not posed and not called and (like := [name for name in words if _MAY_BE_A_POSE.match(name)]):
                 raise InputError(
                     f"{where}: {', '.join(like)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
@@ -146,7 +146,7 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
 
 def unposed(scan: Scan) -> Scan:
     """State that nobody noted the poses of a scan: then no placement error is printed."""
-    return replace(scan, meta={**scan.meta, "poses": "unknown"})
+    return replace(scan, meta={**scan.meta, **NO_POSES})
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:

@@ -24,7 +24,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray, compose, invert, transform
-from tactsim.core.provenance import poses_unknown
+from tactsim.core.provenance import NO_POSES, poses_unknown
 
 ANGLES = 36
 VIEWS = 3  # of an object, at most
@@ -111,7 +111,7 @@ def align(
         label: {"presses": np.bincount(one.views).tolist(), "resemblance": float(one.resemblance.mean())}
         for label, one in found.items()
     }
-    meta = {**scan.meta, "aligned": said} | ({} if withheld else {"poses": "unknown"})
+    meta = {**scan.meta, "aligned": said} | ({} if withheld else NO_POSES)
     presses = scan.press_numbers
     views_of = views if views.any() else None
     return replace(scan, poses=poses, views=views_of, presses=presses, meta=meta), found

@@ -12,6 +12,8 @@ UNITS = ("kPa", "N", "V", "count")
 # The licence of readings of shapes that come with tactsim: made for data, it asks to name the authors and nothing
 # else. The code's own, MIT, speaks of software only.
 OWN_LICENCE = "CC-BY-4.0"
+# Of a scan's `meta`, where nobody noted how its presses lie to the object, and to each other.
+NO_POSES = {"poses": "unknown"}
 
 _LONGEST_LICENCE = 100  # characters
 
@@ -51,4 +53,4 @@ def may_name_a_licence(licence: object) -> bool:
 
 def poses_unknown(meta: Mapping[str, Any]) -> bool:
     """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
-    return bool(meta.get("poses") == "unknown")
+    return bool(meta.get("poses") == NO_POSES["poses"])
