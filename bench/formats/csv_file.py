@@ -7,7 +7,6 @@ import io
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import IO
@@ -21,7 +20,6 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.core.provenance import NO_POSES
 from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
 
@@ -137,16 +135,10 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     poses, labels, split, presses = zip(
         *((row.pose, row.label, row.split, row.press) for row in rows), strict=True
     )
-    scan = Scan.from_arrays(
-        np.array(readings), np.array(poses), labels, split, pad, unit=unit,
+    return Scan.from_arrays(
+        np.array(readings), np.array(poses) if posed else None, labels, split, pad, unit=unit,
         loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
     )  # fmt: skip
-    return scan if posed else unposed(scan)
-
-
-def unposed(scan: Scan) -> Scan:
-    """State that nobody noted the poses of a scan: then no placement error is printed."""
-    return replace(scan, meta={**scan.meta, **NO_POSES})
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:
