@@ -7,9 +7,10 @@ import io
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +21,7 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
+from tactsim.core.provenance import NO_POSES, poses_unknown
 from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
 
@@ -29,25 +31,34 @@ _TAXEL = re.compile(r"t\d+")
 
 class PressRow(PlacedPress):
     """The columns of a row that are no taxels. load_N: the force of the press. press: its number, the same in each
-    row that was read of one press.
+    row that was read of one press. poses: that nobody noted them, and the row's says only how rows of a press lie.
     """
 
     load_N: float | None = Field(None, ge=0)
     press: int | None = None
+    poses: Literal["unknown"] | None = None
 
 
 _NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
 
 
 def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
-    """Write the table that `read_press_table` reads: label, split, pose, press and load of each reading, and taxels."""
+    """Write the table that `read_press_table` reads: label, split, pose, press and load of each reading, and taxels.
+
+    Poses that nobody noted are left out where all are 0, else the column `poses` says so.
+    """
     text = io.TextIOWrapper(stream, "utf-8", newline="")
     table = csv.writer(text)
-    loads = [] if scan.loads is None else [["" if math.isnan(load) else load for load in scan.loads.tolist()]]
-    names = ["label", "split", "x_mm", "y_mm", "theta_rad", "press", *["load_N"] * len(loads)]
-    table.writerow(names + [f"t{taxel}" for taxel in range(scan.readings.shape[1])])
-    words = [column.tolist() for column in (scan.labels, scan.split, *scan.poses.T, scan.press_numbers)]
-    for *row, values in zip(*words, *loads, scan.readings.tolist(), strict=True):
+    unknown = poses_unknown(scan.meta)
+    columns = {"label": scan.labels.tolist(), "split": scan.split.tolist()}
+    if not unknown or scan.poses.any():
+        columns |= dict(zip(("x_mm", "y_mm", "theta_rad"), scan.poses.T.tolist(), strict=True))
+        columns |= {"poses": [NO_POSES["poses"]] * len(scan)} if unknown else {}
+    columns["press"] = scan.press_numbers.tolist()
+    if scan.loads is not None:
+        columns["load_N"] = ["" if math.isnan(load) else load for load in scan.loads.tolist()]
+    table.writerow([*columns, *(f"t{taxel}" for taxel in range(scan.readings.shape[1]))])
+    for *row, values in zip(*columns.values(), scan.readings.tolist(), strict=True):
         table.writerow(row + values)
     text.detach()
 
@@ -118,6 +129,8 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         rows.append(row)
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
+        if row.poses != rows[0].poses:
+            raise InputError(f"{where}: either all rows say unknown in the column poses, or none does")
         if not taxels:
             taxels = _taxel_columns(words, unit, where, pattern)
             if len(taxels) != pad.taxels:
@@ -135,10 +148,11 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     poses, labels, split, presses = zip(
         *((row.pose, row.label, row.split, row.press) for row in rows), strict=True
     )
-    return Scan.from_arrays(
+    scan = Scan.from_arrays(
         np.array(readings), np.array(poses) if posed else None, labels, split, pad, unit=unit,
         loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
     )  # fmt: skip
+    return scan if rows[0].poses is None else replace(scan, meta={**scan.meta, **NO_POSES})
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:

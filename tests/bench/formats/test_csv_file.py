@@ -1,5 +1,7 @@
 """A table of presses, one a row, as a lab's script or a spreadsheet writes it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_line import refused
@@ -149,6 +151,29 @@ def test_a_scan_is_written_as_the_table_that_is_read(tmp_path, here):
     assert done.returncode == 0, done.stderr
     assert read_press_table(tmp_path / "scan.csv", PAD, "N").digest == WANTED.digest
     refused(here("export", "scan.npz", "--to", "csv", "--out", "scan.txt"), ".csv")
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.25])
+def test_poses_that_nobody_noted_come_back_from_a_table_as_such(tmp_path, here, turned):
+    """Windows of a press lie to each other as their poses say, whose they are not."""
+    poses = np.outer([0, turned, 0], [4, 0, 1.0])
+    scan = replace(WANTED, poses=poses, meta={**WANTED.meta, "poses": "unknown"})
+    scan.save(tmp_path / "scan.npz")
+    done = here("export", "scan.npz", "--to", "csv", "--out", "scan.csv")
+    assert done.returncode == 0, done.stderr
+    first = (tmp_path / "scan.csv").read_text().partition("\n")[0]
+    assert ("x_mm" in first, "poses" in first) == (turned > 0, turned > 0)
+    assert read_press_table(tmp_path / "scan.csv", PAD, "N").digest == scan.digest
+    text = (tmp_path / "scan.csv").read_text()
+    if turned:
+        (tmp_path / "scan.csv").write_text(text.replace("unknown", "", 1))
+        with pytest.raises(
+            InputError, match="line 3: either all rows say unknown in the column poses, or none"
+        ):
+            read_press_table(tmp_path / "scan.csv", PAD, "N")
+        (tmp_path / "scan.csv").write_text(text.replace("unknown", "none"))
+        with pytest.raises(InputError, match="line 2: poses: give 'unknown', got 'none'"):
+            read_press_table(tmp_path / "scan.csv", PAD, "N")
 
 
 OTHERS = "kind,position,angle,p0_fx,p0_fz,p1_fz,p2_fz,p3_fz,p4_fz,p5_fz\n"

@@ -1,5 +1,6 @@
 """What all formats of a scan have in common: bit for bit, whole or not at all, a mistake is one line."""
 
+import dataclasses
 import importlib
 import json
 import os
@@ -70,6 +71,16 @@ def test_a_missing_library_is_one_line_that_names_the_extra(name, tmp_path, rng,
     with pytest.raises(InputError, match=rf"pip install 'tactsim\[{name}\]'"):
         formats.write(make_scan(rng), place(tmp_path, name), name)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_card_says_of_poses_what_the_scan_says(tmp_path, rng):
+    scan = make_scan(rng)
+    unposed = dataclasses.replace(scan, meta={**scan.meta, "poses": "unknown"})
+    for stem, one, said in (("a", scan, "at known poses"), ("b", unposed, "in poses that nobody noted")):
+        formats.write(one, tmp_path / stem, "parquet")
+        card = (tmp_path / stem / "README.md").read_text(encoding="utf-8")
+        assert card.count(said) == 3  # the name twice
+        assert ("sensor_in_object" in card) == (one is scan)
 
 
 def test_a_folder_that_holds_something_is_refused(tmp_path, here, rng):
