@@ -21,6 +21,7 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
+from tactsim.core.making import without_poses
 from tactsim.core.provenance import NO_POSES, poses_unknown
 from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
@@ -94,12 +95,14 @@ def columns_of(text: str) -> dict[str, str]:
     return called
 
 
-def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str] | None = None) -> Scan:
+def read_press_table(
+    path: Path, pad: Pad, unit: str, columns: Mapping[str, str] | None = None, *, noted: bool = True
+) -> Scan:
     """Read a scan from a CSV with a row a press: columns as `PressRow` has them, theta_deg for theta_rad, and taxels.
 
     The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
     order. Separators, decimal commas and capitals are read as `named_rows` does. columns: as `columns_of` reads them.
-    Without a column of the pose nobody knows it.
+    Without a column of the pose nobody knows it. noted: False if nobody noted poses, whatever columns there are.
 
     Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
     """
@@ -109,15 +112,16 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     pattern = columns.pop("taxels", None)
     same = {name: theirs[1:] for name, theirs in columns.items() if theirs[0] == ":"}
     called = {name: theirs for name, theirs in columns.items() if name not in same}
-    posed = True
+    posed, like = True, list[str]()
     for where, words in named_rows(path, "presses", PressRow, LARGE, called, unit):
         words |= same
         if not rows:
             posed = has_pose(words)
-            if not posed and not called and (like := [name for name in words if _MAY_BE_A_POSE.match(name)]):
+            like = [] if posed else [name for name in words if _MAY_BE_A_POSE.match(name)]
+            if like and noted and not called:
                 raise InputError(
                     f"{where}: {', '.join(like)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
-                    "name the columns (--columns)"
+                    "name the columns (--columns), or say that nobody noted them (--poses none)"
                 )
         if not posed:
             words |= {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
@@ -132,7 +136,8 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         if row.poses != rows[0].poses:
             raise InputError(f"{where}: either all rows say unknown in the column poses, or none does")
         if not taxels:
-            taxels = _taxel_columns(words, unit, where, pattern)
+            may_be = words if noted else {name: word for name, word in words.items() if name not in like}
+            taxels = _taxel_columns(may_be, unit, where, pattern)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
@@ -152,7 +157,9 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         np.array(readings), np.array(poses) if posed else None, labels, split, pad, unit=unit,
         loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
     )  # fmt: skip
-    return scan if rows[0].poses is None else replace(scan, meta={**scan.meta, **NO_POSES})
+    if rows[0].poses is not None:
+        return replace(scan, meta={**scan.meta, **NO_POSES})
+    return scan if noted else without_poses(scan)
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:

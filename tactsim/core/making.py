@@ -24,7 +24,7 @@ from tactsim.core.idle import SELDOM
 from tactsim.core.npz import MissingArrayError, read_npz
 from tactsim.core.pad import Pad, offsets, pitch
 from tactsim.core.poses import FloatArray, compose, invert
-from tactsim.core.provenance import NO_POSES, OWN_LICENCE, may_name_a_licence
+from tactsim.core.provenance import NO_POSES, OWN_LICENCE, may_name_a_licence, poses_unknown
 from tactsim.core.scan import MOST_TURNED, OF_PRESSES, SEQUENCE, Scan, as_names, as_numbers
 
 S = TypeVar("S", bound=Scan)
@@ -307,6 +307,20 @@ def train_on(train: Scan, test: Scan) -> Scan:
     stated = (scan.meta.get("objects") for scan in (test, train))
     objects = {label: facts for of in stated if isinstance(of, Mapping) for label, facts in of.items()}
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta), "objects": objects})
+
+
+def without_poses(scan: S) -> S:
+    """State that nobody noted the poses of a scan in the plane; one that says so stays as it is.
+
+    Readings of one press, such as windows of it, keep how they lie to its first.
+    """
+    if poses_unknown(scan.meta):
+        return scan
+    _, first, press = np.unique(scan.press_numbers, return_index=True, return_inverse=True)
+    begin = scan.poses[first[press.ravel()]]
+    there = (scan.poses == begin).all(axis=1, keepdims=True)
+    poses = np.where(there, 0.0, compose(invert(begin), scan.poses))
+    return replace(scan, poses=poses, meta={**scan.meta, **NO_POSES})
 
 
 def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:

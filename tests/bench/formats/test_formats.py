@@ -83,6 +83,26 @@ def test_a_card_says_of_poses_what_the_scan_says(tmp_path, rng):
         assert ("sensor_in_object" in card) == (one is scan)
 
 
+@pytest.mark.parametrize("source", ["scan.npz", "own", "own.h5"])
+def test_of_a_scan_of_ones_own_it_is_said_that_nobody_noted_poses(source, tmp_path, here, rng):
+    scan = dataclasses.replace(make_scan(rng), presses=None)
+    scan.save(tmp_path / "scan.npz")
+    formats.write(scan, tmp_path / "own", "parquet")
+    formats.write(scan, tmp_path / "own.h5", "hdf5")
+    done = here("import", source, "--poses", "none", "--out", "new.npz")
+    assert done.returncode == 0, done.stderr
+    new = Scan.load(tmp_path / "new.npz")
+    assert not new.poses.any()
+    wanted = dataclasses.replace(scan, poses=new.poses, meta={**scan.meta, "poses": "unknown"})
+    assert new.digest == wanted.digest
+    done = here("import", "new.npz", "--poses", "none", "--out", "again.npz")
+    assert done.returncode == 0, done.stderr
+    assert Scan.load(tmp_path / "again.npz").digest == new.digest
+    words = ["import", source, "--poses", "none", "--out", "other.npz"]
+    refused(here(*words, "--zero", "3"), "--zero is of .npz, .mat and .csv files")
+    refused(here(*words, "--labels", "y"), "--labels is of .npz and .mat files")
+
+
 def test_a_folder_that_holds_something_is_refused(tmp_path, here, rng):
     make_scan(rng).save(tmp_path / "scan.npz")
     (tmp_path / "full").mkdir()
