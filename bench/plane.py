@@ -182,7 +182,8 @@ class Plane(Kind):
         if config.trials == "all" and not poses_unknown(gathered.scan.meta):
             raise InputError(
                 "trials all: takes every press once, of scans whose poses nobody noted; of others trials draw their "
-                "readings, so give a number"
+                "readings, so give a number, or, if nobody did, say so: `bench import FILE.npz --poses none --out "
+                "NEW.npz`"
             )
         check_readings(gathered.scan, gathered.letters, config.readings, config.hold_out)
         if not poses_unknown(gathered.scan.meta):

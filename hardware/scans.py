@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from tactsim.core.making import check_pose_units
 from tactsim.core.moments import moments_of, plateau, shares_of
 from tactsim.core.pad import Pad
 from tactsim.core.poses import FloatArray
+from tactsim.core.provenance import NO_POSES, poses_unknown
 from tactsim.core.scan import MOST_TURNED, Scan
 from tactsim.core.source import Source, SourceError
 from tactsim.hardware import text_tables
@@ -171,6 +172,7 @@ class PressReadings:
             told = {label: counts for label, counts in missing.items() if counts[0]}
             meta = {**meta, "test_load": self.at_load, "test_load_missing": told}
         apart = any(row.share < 1 for row in rows)
+        numbered = apart or poses_unknown(meta)
         poses = np.array([row.window.pose for row in rows])
         check_pose_units(poses, self.taxel_xy)
         return Scan(
@@ -180,7 +182,7 @@ class PressReadings:
             np.array([row.window.split for row in rows]),
             self.taxel_xy[kept],
             meta,
-            presses=np.array([row.press for row in rows]) if apart else None,
+            presses=np.array([row.press for row in rows]) if numbered else None,
             moments=np.array([row.share for row in rows]) if apart else None,
         )
 
@@ -473,6 +475,8 @@ class Interval(PlacedPress):
     Times count from the recording's first reading, on the device's clock where it has one, else on the host's.
     """
 
+    placed: ClassVar[bool] = True
+
     first_s: float = Field(ge=0)
     last_s: float
 
@@ -483,12 +487,29 @@ class Interval(PlacedPress):
         return self
 
 
+class UnplacedInterval(Interval):
+    """A line of a marks file without poses, which nobody noted: each is 0."""
+
+    placed: ClassVar[bool] = False
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    theta_rad: float = 0.0
+
+
 def read_intervals(path: str | Path) -> list[Interval]:
     """Read a marks file: CSV with the columns label, split, x_mm, y_mm, theta_rad (or theta_deg), first_s, last_s.
 
-    Raises InputError with the line that is wrong.
+    Without all columns of the pose nobody noted it. Raises InputError with the line that is wrong.
     """
-    return [checked(Interval, row, place) for place, row in named_rows(path, "marks", Interval)]
+    rows = list(named_rows(path, "marks", Interval))
+    kind = Interval if any(has_pose(row) for _, row in rows) else UnplacedInterval
+    return [checked(kind, row, place) for place, row in rows]
+
+
+def has_pose(names: Iterable[str]) -> bool:
+    """Tell whether a table with columns of these names says of a pose anything."""
+    return not {"x_mm", "y_mm", "theta_rad", "theta_deg"}.isdisjoint(names)
 
 
 def named_rows(
@@ -573,7 +594,7 @@ def scan_of_intervals(
     their load at which test presses are read; one that does not show it is left out. The plateau is found within the
     interval, the rise in what was read since the interval before; then the plateau's median is the press's reading.
     Taxels that are stuck or always loaded while nothing presses are left out: `meta["left_out"]` says which, numbered
-    as on the whole pad, and why.
+    as on the whole pad, and why. Where nobody noted the poses, `meta["poses"]` says so.
 
     Raises InputError if an interval holds no reading, ends behind the last one, a link was lost within it, or moments
     are wanted and no press has any.
@@ -589,6 +610,7 @@ def scan_of_intervals(
         "pad": source.pad.model_dump(mode="json"),
         "versions": {"tactsim": version("tactsim")},
         **({} if source.unit == "kPa" else {"unit": source.unit}),
+        **({} if any(each.placed for each in intervals) else NO_POSES),
     }
     return read.scan(meta)
 

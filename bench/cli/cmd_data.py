@@ -19,6 +19,7 @@ from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.bench.formats.public_recordings import Recording
+    from tactsim.core import Scan
 
 
 @with_options_of(ScanWords)
@@ -190,7 +191,10 @@ def command_import(
         None, help="Of data of other people: what readings are in: kPa, N, V, count, or Pa, mbar, psi, mmHg"
     ),
     readings: str = typer.Option("readings", help="Of arrays: what the readings are called in the file."),
-    poses: str = typer.Option("poses", help="What the poses are called: sensor in object, mm, mm, rad."),
+    poses: str = typer.Option(
+        "poses",
+        help="What the poses are called: sensor in object, mm, mm, rad. Of any file none: nobody noted them.",
+    ),
     labels: str = typer.Option(
         "labels", help="What the names of the objects are called; of a folder of frames: folder or name."
     ),
@@ -215,12 +219,13 @@ def command_import(
     from tactsim.bench.formats.csv_file import TABLES, columns_of, read_press_table
     from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
     from tactsim.bench.pad import with_shapes
-    from tactsim.core import Scan
     from tactsim.core.idle import settled
+    from tactsim.core.making import without_poses
     from tactsim.hardware.device import load_device
 
     check_new_file(out, source, None if pad is None else Path(pad), *(shapes or ()), suffix=".npz")
-    names = ("readings", "poses", "labels", "split")
+    noted = poses != "none"
+    names = ("readings", "poses") if noted else ("readings",)
     frames = source.is_dir() and not any((source / one).exists() for one in ("scan.json", "run.json"))
     patterns = [one for one in test or () if not one.endswith("%")]
     shares = [pads.share("--test", one) for one in test or () if one.endswith("%")]
@@ -232,28 +237,20 @@ def command_import(
     foreign = source.suffix.lower() in hdf5.suffixes and hdf5.load().is_foreign(source)
     if columns is not None and not table:
         raise InputError("--columns is of a table (.csv, .tsv, .txt)")
-    if frames or table or foreign or source.suffix.lower() in SUFFIXES:
-        if pad is None or unit is None:
-            try:
-                Scan.load(source)
-            except InputError:
-                if not source.exists():
-                    raise InputError(f"cannot read {source}: there is no such file") from None
-                missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
-                more = f"give {' and '.join(missing)}"
-                raise InputError(f"{source} does not say its pad and unit; {more}") from None
-            raise InputError(
-                f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
-            )
+    others, told = frames or table or foreign or source.suffix.lower() in SUFFIXES, ""
+    if others and pad is not None and unit is not None:
         measures = load_device(pad).pad
         if frames:
-            refuse_typed(context, ("readings", "poses", "split"), "is of arrays; a folder has a press a file")
+            refuse_typed(context, (*names, "split"), "is of arrays; a folder has a press a file")
             by = labels if is_typed(context, "labels") else None
             scan = read_press_folder(source, measures, unit, by, files, patterns)
         elif table:
-            why = "is of .npz, .mat and .h5 files; of a table --columns names the columns"
-            refuse_typed(context, names, why)
-            scan = read_press_table(source, measures, unit, columns_of(columns) if columns else None)
+            why = (
+                "is of .npz, .mat and .h5 files; of a table --columns says it, as in x_mm=position,label=kind"
+            )
+            refuse_typed(context, (*names, "labels", "split"), why)
+            called = columns_of(columns) if columns else None
+            scan = read_press_table(source, measures, unit, called, noted=noted)
         else:
             called = {"readings": readings, "poses": poses, "labels": labels}
             called |= {"split": split} if split else {}
@@ -262,16 +259,24 @@ def command_import(
             scan = with_last_to_test(scan, shares[0])
         scan, told = settled(scan, zero, pads.idle_frames(idle))
     else:
-        formats.guess(source)  # a file of no format is refused for that
+        if others:
+            scan = _own_scan(source, pad, unit)
+            if noted:
+                raise InputError(
+                    f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
+                )
+        else:
+            formats.guess(source)  # a file of no format is refused for that
+            scan = formats.read(source)  # and one that `bench export` did not write for that
         if pad is not None or unit is not None:
-            formats.read(source)  # and one that `bench export` did not write for that
             raise InputError(
                 f"{source} says its pad and unit itself; --pad and --unit are of .npz, .mat and .csv files"
             )
-        refuse_typed(context, names, f"is of .npz and .mat files; {source} has names of its own")
-        why = f"is of .npz, .mat and .csv files; {source} is a scan as it was exported"
+        why = f"is of .npz and .mat files; {source} has names of its own"
+        refuse_typed(context, (*names, "labels", "split"), why)
+        why = f"is of .npz, .mat and .csv files; {source} is a scan already"
         refuse_typed(context, ("zero", "idle", "test"), why)
-        scan, told = formats.read(source), ""
+        scan = scan if noted else without_poses(scan)
     scan = with_shapes(scan, shapes or ())
     if licence is not None:
         scan = scan.licensed(licence)
@@ -282,6 +287,20 @@ def command_import(
         f"{len(scan):,} readings of {' '.join(scan.letters)}, {len(scan.where('train')):,} to train on and "
         f"{len(scan.where('test')):,} to test with, {scan.readings.shape[1]} taxels, in {out}"
     )
+
+
+def _own_scan(source: Path, pad: str | None, unit: str | None) -> Scan:
+    """Load a scan of tactsim's own; of other data, what says its pad and unit is missing. Raises InputError."""
+    from tactsim.core import Scan
+
+    try:
+        return Scan.load(source)
+    except InputError:
+        if not source.exists():
+            raise InputError(f"cannot read {source}: there is no such file") from None
+        missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
+        more = f"give {' and '.join(missing)}"
+        raise InputError(f"{source} does not say its pad and unit; {more}") from None
 
 
 def command_align(

@@ -12,6 +12,7 @@ from tactsim.bench.cli import shared_options as shared
 from tactsim.bench.cli.shared_options import refuse_typed
 from tactsim.bench.config import whole_number
 from tactsim.core.errors import InputError
+from tactsim.core.provenance import poses_unknown
 
 if TYPE_CHECKING:
     from tactsim.core import Scan
@@ -24,7 +25,8 @@ def command_replay(
     scan: Path | None = typer.Option(None, help="Write their presses as a scan, .npz, for `bench run`."),
     csv: Path | None = typer.Option(None, help="Write the readings of one recording as CSV, kPa."),
     marks: Path | None = typer.Option(
-        None, help="For an unguided recording: a CSV of what was pressed, when and where."
+        None,
+        help="For an unguided recording: a CSV of what was pressed, when and, where it was noted, at which pose.",
     ),
     letters: str | None = typer.Option(
         None,
@@ -169,6 +171,8 @@ def _moments(text: str | None, marks: Path | None) -> int | Literal["auto", "fou
 def _found(scan: Scan) -> list[str]:
     """Say what was found in the recordings and how touches were cut."""
     lines = [f"taxel {taxel} is left out: {why}" for taxel, why in scan.meta.get("left_out", {}).items()]
+    if poses_unknown(scan.meta):
+        lines.append("the marks have no poses, so nobody noted them: a trial takes the readings of one press")
     if "moments" in scan.meta:
         said = scan.meta["moments"]
         shares = ", ".join(f"{share:.0%}" for share in said["shares"])

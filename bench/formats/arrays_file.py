@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, whosmat
 
-from tactsim.bench.formats.csv_file import unposed
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.files import read_bytes
@@ -32,8 +31,7 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
     are unknown. Without a split all presses are to train on. Raises InputError if the file is not whole, lacks an array
     or holds one of another kind.
     """
-    unknown = names.get("poses") == "none"
-    names = {role: name for role, name in names.items() if role != "poses" or not unknown}
+    names = {role: name for role, name in names.items() if (role, name) != ("poses", "none")}
     wanted, unsaid = list(dict.fromkeys(names.values())), False
     try:
         content = read_bytes(path, LARGEST) if path.suffix.lower() == ".mat" else b""
@@ -51,10 +49,7 @@ def read_arrays(path: Path, names: Mapping[str, str], pad: Pad, unit: str) -> Sc
             arrays = _as_matlab_has_them(arrays)
         if path.suffix.lower() != ".npz":
             arrays = presses_first(arrays)
-        if unknown:
-            arrays["poses"] = np.zeros((len(arrays["readings"]), 3))
         scan = Scan.from_arrays(**arrays, pad=pad, unit=unit)
-        scan = unposed(scan) if unknown else scan
         if not len(scan):
             raise InputError("it holds no presses: its arrays have no rows")
         check_labels(scan.letters)

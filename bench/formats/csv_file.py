@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import numpy as np
 from pydantic import Field
@@ -21,7 +21,9 @@ from tactsim.core.checking import checked
 from tactsim.core.documents import LARGE
 from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
-from tactsim.hardware.scans import PlacedPress, named_rows
+from tactsim.core.making import without_poses
+from tactsim.core.provenance import NO_POSES, poses_unknown
+from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
 
 TABLES = (".csv", ".tsv", ".txt", ".log", ".asc", ".lvm")
@@ -30,25 +32,34 @@ _TAXEL = re.compile(r"t\d+")
 
 class PressRow(PlacedPress):
     """The columns of a row that are no taxels. load_N: the force of the press. press: its number, the same in each
-    row that was read of one press.
+    row that was read of one press. poses: that nobody noted them, and the row's says only how rows of a press lie.
     """
 
     load_N: float | None = Field(None, ge=0)
     press: int | None = None
+    poses: Literal["unknown"] | None = None
 
 
 _NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
 
 
 def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
-    """Write the table that `read_press_table` reads: label, split, pose, press and load of each reading, and taxels."""
+    """Write the table that `read_press_table` reads: label, split, pose, press and load of each reading, and taxels.
+
+    Poses that nobody noted are left out where all are 0, else the column `poses` says so.
+    """
     text = io.TextIOWrapper(stream, "utf-8", newline="")
     table = csv.writer(text)
-    loads = [] if scan.loads is None else [["" if math.isnan(load) else load for load in scan.loads.tolist()]]
-    names = ["label", "split", "x_mm", "y_mm", "theta_rad", "press", *["load_N"] * len(loads)]
-    table.writerow(names + [f"t{taxel}" for taxel in range(scan.readings.shape[1])])
-    words = [column.tolist() for column in (scan.labels, scan.split, *scan.poses.T, scan.press_numbers)]
-    for *row, values in zip(*words, *loads, scan.readings.tolist(), strict=True):
+    unknown = poses_unknown(scan.meta)
+    columns = {"label": scan.labels.tolist(), "split": scan.split.tolist()}
+    if not unknown or scan.poses.any():
+        columns |= dict(zip(("x_mm", "y_mm", "theta_rad"), scan.poses.T.tolist(), strict=True))
+        columns |= {"poses": [NO_POSES["poses"]] * len(scan)} if unknown else {}
+    columns["press"] = scan.press_numbers.tolist()
+    if scan.loads is not None:
+        columns["load_N"] = ["" if math.isnan(load) else load for load in scan.loads.tolist()]
+    table.writerow([*columns, *(f"t{taxel}" for taxel in range(scan.readings.shape[1]))])
+    for *row, values in zip(*columns.values(), scan.readings.tolist(), strict=True):
         table.writerow(row + values)
     text.detach()
 
@@ -62,7 +73,6 @@ _STATISTICS = {
     *("mean", "average", "avg", "median", "std", "stdev", "sd", "min", "max", "sum", "total", "count"),
     *("mittel", "mittelwert", "summe", "gesamt", "moyenne", "somme", "media", "suma", "somma", "gemiddelde"),
 }
-_POSE = {"x_mm", "y_mm", "theta_rad", "theta_deg"}
 
 
 def columns_of(text: str) -> dict[str, str]:
@@ -85,12 +95,14 @@ def columns_of(text: str) -> dict[str, str]:
     return called
 
 
-def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str] | None = None) -> Scan:
+def read_press_table(
+    path: Path, pad: Pad, unit: str, columns: Mapping[str, str] | None = None, *, noted: bool = True
+) -> Scan:
     """Read a scan from a CSV with a row a press: columns as `PressRow` has them, theta_deg for theta_rad, and taxels.
 
     The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
     order. Separators, decimal commas and capitals are read as `named_rows` does. columns: as `columns_of` reads them.
-    Without a column of the pose nobody knows it.
+    Without a column of the pose nobody knows it. noted: False if nobody noted poses, whatever columns there are.
 
     Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
     """
@@ -100,15 +112,16 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
     pattern = columns.pop("taxels", None)
     same = {name: theirs[1:] for name, theirs in columns.items() if theirs[0] == ":"}
     called = {name: theirs for name, theirs in columns.items() if name not in same}
-    posed = True
+    posed, like = True, list[str]()
     for where, words in named_rows(path, "presses", PressRow, LARGE, called, unit):
         words |= same
         if not rows:
-            posed = not _POSE.isdisjoint(words)
-            if not posed and not called and (like := [name for name in words if _MAY_BE_A_POSE.match(name)]):
+            posed = has_pose(words)
+            like = [] if posed else [name for name in words if _MAY_BE_A_POSE.match(name)]
+            if like and noted and not called:
                 raise InputError(
                     f"{where}: {', '.join(like)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
-                    "name the columns (--columns)"
+                    "name the columns (--columns), or say that nobody noted them (--poses none)"
                 )
         if not posed:
             words |= {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
@@ -120,8 +133,11 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         rows.append(row)
         if (row.press is None) != (rows[0].press is None):
             raise InputError(f"{where}: either all rows have a number in the column press, or none has")
+        if row.poses != rows[0].poses:
+            raise InputError(f"{where}: either all rows say unknown in the column poses, or none does")
         if not taxels:
-            taxels = _taxel_columns(words, unit, where, pattern)
+            may_be = words if noted else {name: word for name, word in words.items() if name not in like}
+            taxels = _taxel_columns(may_be, unit, where, pattern)
             if len(taxels) != pad.taxels:
                 raise InputError(
                     f"{where}: {len(taxels)} columns of taxels, {', '.join(taxels[:3])} ..., and the pad has "
@@ -138,15 +154,12 @@ def read_press_table(path: Path, pad: Pad, unit: str, columns: Mapping[str, str]
         *((row.pose, row.label, row.split, row.press) for row in rows), strict=True
     )
     scan = Scan.from_arrays(
-        np.array(readings), np.array(poses), labels, split, pad, unit=unit,
+        np.array(readings), np.array(poses) if posed else None, labels, split, pad, unit=unit,
         loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
     )  # fmt: skip
-    return scan if posed else unposed(scan)
-
-
-def unposed(scan: Scan) -> Scan:
-    """State that nobody noted the poses of a scan: then no placement error is printed."""
-    return replace(scan, meta={**scan.meta, "poses": "unknown"})
+    if rows[0].poses is not None:
+        return replace(scan, meta={**scan.meta, **NO_POSES})
+    return scan if noted else without_poses(scan)
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:

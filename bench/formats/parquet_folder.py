@@ -21,6 +21,7 @@ from tactsim.core.documents import read_json
 from tactsim.core.errors import counted, short
 from tactsim.core.files import open_regular
 from tactsim.core.npz import LARGEST
+from tactsim.core.provenance import poses_unknown
 from tactsim.core.scan import SPLITS, is_label
 
 _DOCUMENT, _OF_A_RUN = "scan.json", "run.json"
@@ -131,13 +132,19 @@ _KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
 def card_of_scan(scan: Scan) -> str:
     """Write the card of a scan in Parquet: splits, columns with their units, licence; `scan.json` says all else."""
     about, taxels, presses = scan.about, scan.readings.shape[1], len(np.unique(scan.press_numbers))
-    unit = about["units"]["readings"]
+    unit, unknown = about["units"]["readings"], poses_unknown(scan.meta)
+    where = "in poses that nobody noted" if unknown else "at known poses"
     columns = [
         ("column", "what it holds"),
         ("row", "the number of the reading in the scan, from 0"),
         ("press", "the number of the press that the reading is of: rows of one number share its errors"),
         ("label", "the object that was pressed"),
-        ("pose", "sensor_in_object: x mm, y mm, theta rad"),
+        (
+            "pose",
+            "x mm, y mm, theta rad: how readings of a press lie to each other"
+            if unknown
+            else "sensor_in_object: x mm, y mm, theta rad",
+        ),
         ("readings", f"one value for each of {taxels} taxels, {unit}"),
     ]
     if scan.sequence_times is not None:
@@ -151,7 +158,7 @@ def card_of_scan(scan: Scan) -> str:
     licence = licences.pop() if len(licences) == 1 else None
     text = [
         f"{counted(len(scan), 'reading')} of {counted(presses, 'press')} of a pad of {taxels} taxels against "
-        f"{len(scan.letters)} objects at known poses:",
+        f"{len(scan.letters)} objects {where}:",
         "    " + " ".join(scan.letters),
         markdown_table(columns).rstrip(),
         "`scan.json` says where the taxels' centres lie (mm, in the frame of the sensor), which frames and units all "
@@ -160,7 +167,7 @@ def card_of_scan(scan: Scan) -> str:
         f"Licence: {licence or 'none is stated; ask the owner before you use the data'}.",
     ]
     splits = [split for split in SPLITS if np.any(scan.split == split)]
-    return _card("Tactile presses at known poses", licence, splits, text)
+    return _card(f"Tactile presses {where}", licence, splits, text)
 
 
 def card_of_run(run: Run) -> str:

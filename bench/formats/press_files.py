@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.io import whosmat
 
 from tactsim.bench.formats.arrays_file import is_of_hdf5, mat_arrays
-from tactsim.bench.formats.csv_file import TABLES, unposed
+from tactsim.bench.formats.csv_file import TABLES
 from tactsim.bench.trials import check_labels
 from tactsim.core import InputError, Pad, Scan
 from tactsim.core.documents import LARGE, read_text
@@ -86,9 +86,7 @@ def read_press_folder(
         )
     loads = [-frames if falls else frames for frames in presses]
     readings = [frames[loaded(load)].mean(axis=0) for frames, load in zip(presses, loads, strict=True)]
-    return unposed(
-        Scan.from_arrays(np.array(readings), np.zeros((len(labels), 3)), labels, split, pad, unit=unit)
-    )
+    return Scan.from_arrays(np.array(readings), None, labels, split, pad, unit=unit)
 
 
 def with_last_to_test(scan: Scan, share: float) -> Scan:

@@ -24,7 +24,7 @@ from tactsim.core import InputError, Scan
 from tactsim.core.idle import find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray, compose, invert, transform
-from tactsim.core.provenance import poses_unknown
+from tactsim.core.provenance import NO_POSES, poses_unknown
 
 ANGLES = 36
 VIEWS = 3  # of an object, at most
@@ -70,12 +70,15 @@ def align(
     if not len(train):
         raise InputError("the scan has no training presses to align")
     known = not poses_unknown(scan.meta) and bool(np.ptp(train.poses, axis=0).any())
-    if known != withheld:
+    if known and not withheld:
         raise InputError(
             "the scan states the poses of its training presses; say --poses unknown (in Python withheld=True) to see "
             "what is found without them"
-            if known
-            else "nobody noted the poses of these presses: leave out --poses unknown (in Python withheld)"
+        )
+    if withheld and not known:
+        states = "says that nobody noted poses" if poses_unknown(scan.meta) else "has all presses at one pose"
+        raise InputError(
+            f"the scan {states}, so there are none to withhold: leave out --poses unknown (in Python withheld)"
         )
     idle, least = find_idle(train.readings, train.presses), np.abs(train.readings).min(axis=0)
     if not idle.known.any() and np.median(least) > _IDLE * np.ptp(train.readings):
@@ -111,7 +114,7 @@ def align(
         label: {"presses": np.bincount(one.views).tolist(), "resemblance": float(one.resemblance.mean())}
         for label, one in found.items()
     }
-    meta = {**scan.meta, "aligned": said} | ({} if withheld else {"poses": "unknown"})
+    meta = {**scan.meta, "aligned": said} | ({} if withheld else NO_POSES)
     presses = scan.press_numbers
     views_of = views if views.any() else None
     return replace(scan, poses=poses, views=views_of, presses=presses, meta=meta), found

@@ -43,6 +43,12 @@ _MANY = 3  # cells that read one and the same number
 _FILLED = 20.0  # so many readings are missing beside those that would saturate
 _DRIFTS = 0.1  # of the typical rise
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
+_END = 0.05  # of the range of most taxels: a level no further than this from the end of its taxel's range is at it
+_BLOCK = 25  # presses, one after the other, within which a zero that drifts stays about where it is
+_HELD = 0.5  # of the presses: a taxel that is at the end of its range in fewer is seldom at rest
+_MOVED = 0.3  # of the range of most taxels: no zero drifts further
+_LOUD = 0.1  # of the range of most taxels: readings that lie further apart are no noise
+_OF_NOISE = 1.7  # of Gaussian noise the lowest hundredth begins so many shorths below the middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,6 +312,47 @@ def find_idle(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> 
     return Idle(level * sign, sign, known, typical, repeated=len(every) - len(values))
 
 
+def find_rest(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> Idle:
+    """Find the idle level as `find_idle` does, of taxels of which it can be told apart from load: to take it off.
+
+    readings, presses: as of `find_idle`. Where objects cover a taxel in most presses, its readings lie closest together
+    at some load. So a level is known if it is at the end of its taxel's range, but for noise and drift, and if half of
+    the readings are there, each beside those before and after it, or those that are there are as close as noise.
+    Another taxel has the sign of most that are known, and the end of its range for a level, or their furthest if that
+    is nearer to rest.
+    """
+    values = np.asarray(readings, dtype=float)
+    idle = find_idle(values, presses)
+    if not idle.known.any():
+        return idle
+    above, level = values * idle.sign, idle.level * idle.sign
+    low, high = np.quantile(above, _TAILS, axis=0)
+    wide = float(np.quantile(high - low, 0.9))
+    widths = np.array([_shorth_width(_lower_half(column)) for column in above.T])
+    noise = float(np.quantile(widths[high - low >= _FELT * wide], 0.1))
+    noise = noise if noise <= _LOUD * wide else 0.0
+    blocks = np.array_split(above, np.clip(len(above) // _BLOCK, 2, 8))
+    ends = np.array([np.quantile(block, _END, axis=0, method="higher") for block in blocks])
+    at_end = [block <= end + _END * wide + 2 * noise for block, end in zip(blocks, ends, strict=True)]
+    held = np.concatenate(at_end).mean(axis=0) >= _HELD
+    drift = float(np.quantile(np.ptp(ends[:, held], axis=0), 0.1)) if held.any() else 0.0
+    drift = drift if drift <= _MOVED * wide else 0.0
+    known = (
+        idle.known & (held | (widths <= 2 * noise)) & (level - low <= _END * wide + _OF_NOISE * noise + drift)
+    )
+    if not known.any():
+        return replace(idle, known=known)
+    most = -1.0 if (idle.sign[known] < 0).mean() > 0.5 else 1.0
+    end = np.quantile(values * most, _TAILS[0], axis=0)
+    furthest = float((idle.level * most)[known & (idle.sign == most)].max())
+    return replace(
+        idle,
+        level=np.where(known, idle.level, most * np.minimum(end, furthest)),
+        sign=np.where(known, idle.sign, most),
+        known=known,
+    )
+
+
 def given_idle(level: ArrayLike, readings: FloatArray) -> Idle:
     """Take the idle level as it is known: a number, (taxels,), or idle frames (n, taxels), whose median it is.
 
@@ -374,7 +421,7 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
     elif zero == "auto":
         train = scan.where("train")
         found_in = train if len(train) else scan
-        idle = find_idle(found_in.readings, found_in.presses)
+        idle = find_rest(found_in.readings, found_in.presses)
         if not idle.known.any():
             sessions = scan.meta.get("recordings", [])
             if sessions and all(one.get("calibrated") and all(one["calibrated"]) for one in sessions):
@@ -400,8 +447,15 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 
 
 def _drift(scan: Scan, idle: Idle) -> str:
-    """Say it where levels differ by a tenth of a typical rise between three to eight parts of the presses."""
-    parts = [find_idle(part) for part in np.array_split(scan.readings, np.clip(len(scan) // 60, 3, 8))]
+    """Say it where levels differ by a tenth of a typical rise between three to eight parts of the presses.
+
+    Each part has as much of each object, so that what objects differ by is no drift.
+    """
+    count, part_of = int(np.clip(len(scan) // 60, 3, 8)), np.zeros(len(scan), dtype=np.int64)
+    for label in scan.letters:
+        own = np.flatnonzero(scan.labels == label)
+        part_of[own] = np.arange(len(own)) * count // len(own)
+    parts = [find_rest(scan.readings[part_of == number]) for number in range(count)]
     told = np.all([part.known & (part.sign == idle.sign) for part in parts], axis=0)
     moved = float(np.median(np.ptp([part.level[told] for part in parts], axis=0))) if told.any() else 0.0
     if moved <= _DRIFTS * idle.typical:
@@ -423,6 +477,11 @@ def _shortest(ordered: FloatArray, count: int) -> float:
     if len(ordered) < count:
         return float("inf")
     return float(np.min(ordered[count - 1 :] - ordered[: len(ordered) - count + 1]))
+
+
+def _shorth_width(ordered: FloatArray) -> float:
+    """Give the width of the shortest interval that holds half of the readings (n,), in order."""
+    return _shortest(ordered, (len(ordered) + 1) // 2)
 
 
 def _shorth(ordered: FloatArray, near_equal: float) -> float:

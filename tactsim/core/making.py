@@ -24,7 +24,7 @@ from tactsim.core.idle import SELDOM
 from tactsim.core.npz import MissingArrayError, read_npz
 from tactsim.core.pad import Pad, offsets, pitch
 from tactsim.core.poses import FloatArray, compose, invert
-from tactsim.core.provenance import OWN_LICENCE, may_name_a_licence
+from tactsim.core.provenance import NO_POSES, OWN_LICENCE, may_name_a_licence, poses_unknown
 from tactsim.core.scan import MOST_TURNED, OF_PRESSES, SEQUENCE, Scan, as_names, as_numbers
 
 S = TypeVar("S", bound=Scan)
@@ -239,8 +239,10 @@ def scan_of(
         raise InputError(
             "tables of readings, poses, labels and split have other indices; give them one order"
         )
-    values = readings_a_press(in_order(readings), pad)
-    poses = unmasked(in_order(poses, _POSE_COLUMNS), "poses")
+    if labels is None:
+        raise InputError("labels are missing; name the object of each press")
+    values, unposed = readings_a_press(in_order(readings), pad), poses is None
+    poses = np.zeros((len(values), 3)) if unposed else unmasked(in_order(poses, _POSE_COLUMNS), "poses")
     each = {name: None if given is None else unmasked(given, name) for name, given in each.items()}
     if np.shape(poses) != (len(values), 3):
         raise InputError(f"poses are {np.shape(poses)}; give ({len(values)}, 3): x mm, y mm, theta rad")
@@ -261,6 +263,7 @@ def scan_of(
         why = f"no number (NaN) in {lost[:, taxel].sum():,} of {len(lost):,} presses"
         meta.setdefault("left_out", {})[str(taxel)] = why
         logging.getLogger(__name__).warning("taxel %d is left out: %s", taxel, why)
+    meta |= NO_POSES if unposed else {}
     names, halves = names_of(labels, "labels"), splits_of(split, len(values))
     scan = kind(np.where(lost, 0, values)[:, ~dead], poses, names, halves, pad.taxel_xy[~dead], meta, **each)
     if not whole.all():
@@ -304,6 +307,20 @@ def train_on(train: Scan, test: Scan) -> Scan:
     stated = (scan.meta.get("objects") for scan in (test, train))
     objects = {label: facts for of in stated if isinstance(of, Mapping) for label, facts in of.items()}
     return halves[0].joined(halves[1], {**test.meta, "train": dict(train.meta), "objects": objects})
+
+
+def without_poses(scan: S) -> S:
+    """State that nobody noted the poses of a scan in the plane; one that says so stays as it is.
+
+    Readings of one press, such as windows of it, keep how they lie to its first.
+    """
+    if poses_unknown(scan.meta):
+        return scan
+    _, first, press = np.unique(scan.press_numbers, return_index=True, return_inverse=True)
+    begin = scan.poses[first[press.ravel()]]
+    there = (scan.poses == begin).all(axis=1, keepdims=True)
+    poses = np.where(there, 0.0, compose(invert(begin), scan.poses))
+    return replace(scan, poses=poses, meta={**scan.meta, **NO_POSES})
 
 
 def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:

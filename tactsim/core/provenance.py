@@ -12,13 +12,16 @@ UNITS = ("kPa", "N", "V", "count")
 # The licence of readings of shapes that come with tactsim: made for data, it asks to name the authors and nothing
 # else. The code's own, MIT, speaks of software only.
 OWN_LICENCE = "CC-BY-4.0"
+# Of a scan's `meta`, where nobody noted how its presses lie to the object, and to each other.
+NO_POSES = {"poses": "unknown"}
+_POSES = (NO_POSES["poses"], "one")  # what may be said of them: "one" if all presses were at one pose
 
 _LONGEST_LICENCE = 100  # characters
 
 
 def check_statements(meta: Mapping[str, Any]) -> None:
-    """Raise InputError if `meta` states a unit or a licence that makes no sense."""
-    unit, licence = meta.get("unit", "kPa"), meta.get("licence")
+    """Raise InputError if `meta` states a unit, a licence or poses that make no sense."""
+    unit, licence, poses = meta.get("unit", "kPa"), meta.get("licence"), meta.get("poses")
     if unit not in UNITS:
         raise InputError(
             f"scan: the unit of the readings is {short(unit)}; known are {', '.join(UNITS)}, so convert them first"
@@ -27,6 +30,11 @@ def check_statements(meta: Mapping[str, Any]) -> None:
         raise InputError(
             f"scan: the licence is {short(licence)}; give its SPDX name, like {OWN_LICENCE}, in at most "
             f"{_LONGEST_LICENCE} printable characters"
+        )
+    if poses is not None and poses not in _POSES:
+        raise InputError(
+            f"scan: meta['poses'] is {short(poses)}; say 'unknown' where nobody noted them, 'one' where all presses "
+            "were at one, or leave it out"
         )
     if isinstance(meta.get("train"), Mapping):
         check_statements(meta["train"])
@@ -51,4 +59,4 @@ def may_name_a_licence(licence: object) -> bool:
 
 def poses_unknown(meta: Mapping[str, Any]) -> bool:
     """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
-    return bool(meta.get("poses") == "unknown")
+    return bool(meta.get("poses") == NO_POSES["poses"])

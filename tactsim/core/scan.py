@@ -143,8 +143,8 @@ class Scan:
     def from_arrays(
         cls,
         readings: Any,
-        poses: Any,
-        labels: Any,
+        poses: Any = None,
+        labels: Any = None,
         split: Any = None,
         pad: Pad | None = None,
         *,
@@ -157,15 +157,17 @@ class Scan:
         """Make a scan of arrays from elsewhere.
 
         readings: (n, taxels) or (n, rows, columns); (n, images, taxels) or (n, images, rows, columns) where several
-        images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad. labels:
-        (n,) names or whole numbers. split: (n,) "train" or "test", or whether to train on it; None: all to train.
-        pad: None for the paper's. unit: of the readings; other pressures, such as mmHg, become kPa. licence: an SPDX
-        name. loads: (n,) N, NaN where not known. presses: (n,) whole numbers, the same for readings of one press.
-        moments: (n,) the share of its press's load at which each reading was taken. A taxel that reads NaN, or is
-        masked, in more than a twentieth of the presses is left out, as `meta["left_out"]` says, else the presses in
-        which one does; it is logged. Columns of a table go by their names: t0, t1, ...; x_mm, y_mm, theta_rad.
+        images were taken of a press, whose mean is its reading. poses: (n, 3) sensor_in_object, mm, mm, rad; None:
+        nobody noted them, as `meta["poses"]` then says. labels: (n,) names or whole numbers. split: (n,) "train" or
+        "test", or whether to train on it; None: all to train. pad: None for the paper's. unit: of the readings; other
+        pressures, such as mmHg, become kPa. licence: an SPDX name. loads: (n,) N, NaN where not known. presses: (n,)
+        whole numbers, the same for readings of one press. moments: (n,) the share of its press's load at which each
+        reading was taken. A taxel that reads NaN, or is masked, in more than a twentieth of the presses is left out, as
+        `meta["left_out"]` says, else the presses in which one does; it is logged. Columns of a table go by their names:
+        t0, t1, ...; x_mm, y_mm, theta_rad.
 
-        Raises InputError when shapes disagree, for angles that are degrees, and for what `Scan` refuses.
+        Raises InputError when shapes disagree, without labels, for angles that are degrees, and for what `Scan`
+        refuses.
         """
         from tactsim.core.making import scan_of
 

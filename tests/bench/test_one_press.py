@@ -109,7 +109,7 @@ def test_all_trials_take_every_press_with_enough_readings_once(tmp_path):
     again = load(run.save(tmp_path / "run"))
     np.testing.assert_array_equal(again.trials.label, run.trials.label)
     known = replace(windows(), meta={})
-    with pytest.raises(InputError, match="poses nobody noted"):
+    with pytest.raises(InputError, match=r"poses nobody noted; .*--poses none"):
         tactsim.run(scan=known, estimator=Heard(Options()), trials="all", readings=5)
     with pytest.raises(InputError, match="name it with --scan"):
         tactsim.run(letters="A", trials="all")

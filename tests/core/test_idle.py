@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactsim.core import InputError, Scan
+from tactsim.core import InputError, Pad, Scan
 from tactsim.core.idle import failed_cells, find_idle, flickering, settled, unwrapped
 
 TAXELS = 36
@@ -273,3 +273,62 @@ def test_a_level_that_drifts_from_press_to_press_is_said(turned):
     apart = drift * np.random.default_rng(0).choice([-1, 1], TAXELS)
     for moved in (to_and_fro, apart):
         assert "drifts" in settled(scan_of(counts + moved.round()))[1]
+
+
+def whole_presses(seed=0, side=4, presses=20, moments=5):
+    """Make counts of a ball, a bar and a ring that cover most of a pad, sorted by object, at rising loads."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:side, :side]
+    readings, labels = [], []
+    for kind in ("ball", "bar", "ring"):
+        for _ in range(presses):
+            for moment in range(moments):
+                dx, dy = x - (side - 1) / 2 - rng.normal(0, 0.4), y - (side - 1) / 2 - rng.normal(0, 0.4)
+                off = {"ball": np.hypot(dx, dy), "bar": dy, "ring": np.hypot(dx, dy) - 0.35 * side}[kind]
+                image = 500 * np.exp(-((off / side / 0.15) ** 2) / 2) * rng.uniform(0.8, 1.2)
+                load = 0.4 + 0.6 * (moment + 1) / moments
+                readings.append((load * image + rng.normal(0, 15, image.shape)).clip(0).round().ravel())
+                labels.append(kind)
+    return np.array(readings), labels, np.repeat(np.arange(3 * presses), moments)
+
+
+def scan_of_whole_presses(readings, labels, presses, pad):
+    return Scan.from_arrays(
+        readings, np.zeros((len(readings), 3)), labels, pad=pad, unit="count", presses=presses
+    )
+
+
+@pytest.mark.parametrize("side", [3, 4, 6])
+@pytest.mark.parametrize("seed", range(3))
+def test_load_of_covered_taxels_is_not_taken_for_rest(seed, side):
+    """Taxels that objects cover in most presses were said to rest where they read 210 counts of load."""
+    readings, labels, presses = whole_presses(seed, side)
+    pad = Pad(rows=side, columns=side, pitch_x=3.4, pitch_y=3.4)
+    raw = scan_of_whole_presses(readings, labels, presses, pad)
+    taken, said = settled(raw)
+    assert taken is raw
+    assert "rest near 0" in said
+    offsets = np.random.default_rng(seed).uniform(300, 500, side**2)
+    for sign in (1, -1):
+        taken, said = settled(replace(raw, readings=sign * readings + offsets))
+        assert np.abs(taken.readings - readings).max() < 60  # of 500
+        assert "drifts" not in said
+        assert "taxels it cannot be told" in said
+
+
+def test_a_zero_that_drifts_is_said_of_a_file_that_is_sorted_by_object():
+    counts = np.round(3000 + 20 * pressed(presses=300))
+    labels = np.repeat(["A", "B"], 150)
+    drift = np.tile(np.linspace(0, 300, 150).round(), 2)[:, None]
+    of_two = replace(scan_of(counts + drift), labels=labels)
+    assert "drifts" in settled(of_two)[1]
+
+
+def test_of_taxels_that_are_always_covered_nothing_is_taken_off():
+    rng = np.random.default_rng(0)
+    readings = 300 + 200 * rng.random((120, TAXELS)) + rng.normal(scale=5, size=(120, TAXELS))
+    raw = scan_of(readings)
+    taken, said = settled(raw)
+    assert taken is raw
+    assert "cannot be told" in said
+    assert "so they were not zeroed" in said

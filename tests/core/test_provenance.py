@@ -39,6 +39,18 @@ def test_an_unknown_unit_is_one_line(unit):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("poses", ["unkown", "none", "", True, ["unknown"], "x" * 1000])
+def test_poses_that_are_called_otherwise_than_unknown_are_one_line(poses):
+    with pytest.raises(InputError, match=r"meta\['poses'\] is .*; say 'unknown'") as refused:
+        scan_with({"poses": poses})
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 300
+    with pytest.raises(InputError, match="say 'unknown'"):
+        scan_with({"train": {"poses": poses}})
+    for known in ("unknown", "one"):
+        assert scan_with({"poses": known}).meta["poses"] == known
+
+
 @pytest.mark.parametrize("licence", ["", "CC-BY", "x" * 101, "MIT\n", 3, "MIT and more"])
 def test_a_licence_that_is_stated_is_on_the_list_of_spdx(licence):
     with pytest.raises(InputError, match="is no SPDX name; give one of") as caught:

@@ -365,6 +365,15 @@ def test_a_scan_of_arrays_says_where_it_is_from():
     assert Scan.from_arrays(np.zeros((1, 36)), np.zeros((1, 3)), ["A"]).about["licence"] is None
 
 
+def test_a_scan_of_arrays_without_poses_says_that_nobody_noted_them():
+    scan = Scan.from_arrays(FLAT, labels=list("AABB"), pad=PAD, presses=[0, 0, 1, 1])
+    assert (scan.meta["poses"], scan.poses.tolist()) == ("unknown", np.zeros((4, 3)).tolist())
+    assert Scan.from_arrays(FLAT, None, list("AABB"), pad=PAD, presses=[0, 0, 1, 1]).digest == scan.digest
+    assert "poses" not in Scan.from_arrays(FLAT, np.zeros((4, 3)), list("AABB"), pad=PAD).meta
+    with pytest.raises(InputError, match="labels are missing"):
+        Scan.from_arrays(FLAT, pad=PAD)
+
+
 @pytest.mark.parametrize("shape", [(4, 6), (4, 2, 3)])
 def test_pictures_of_the_pad_are_put_in_a_row(shape):
     assert np.array_equal(readings_a_press(FLAT.reshape(shape), PAD), FLAT)

@@ -85,6 +85,38 @@ def test_marks_may_say_angles_in_degrees(tmp_path):
     assert mark.pose == (1.0, 2.0, np.pi)
 
 
+def test_marks_without_poses_are_of_presses_whose_poses_nobody_noted(tmp_path):
+    text = "label,split,first_s,last_s\nA,train,0.09,0.31\nB,test,0.34,0.36\n"
+    (tmp_path / "marks.csv").write_text(text)
+    scan = scan_of_intervals(recorded(tmp_path / "a"), read_intervals(tmp_path / "marks.csv"))
+    assert (scan.meta["poses"], scan.poses.any(), scan.presses.tolist()) == ("unknown", False, [0, 1])
+    (tmp_path / "marks.csv").write_text(MARKS)
+    placed = scan_of_intervals(recorded(tmp_path / "b"), read_intervals(tmp_path / "marks.csv"))
+    assert ("poses" in placed.meta, placed.presses) == (False, None)
+    assert np.array_equal(placed.readings, scan.readings)
+
+
+@pytest.mark.parametrize(
+    ("some", "message"),
+    [("x_mm", "line 2: missing are y_mm, theta_rad"), ("x_mm,y_mm", "missing is theta_rad"),
+     ("theta_deg", "line 2: missing are x_mm, y_mm"), ("x,y,angle", "unknown option 'x': known are .* x_mm, y_mm")],
+)  # fmt: skip
+def test_marks_with_a_part_of_the_pose_are_refused(tmp_path, some, message):
+    zeros = ",".join("0" for _ in some.split(","))
+    (tmp_path / "marks.csv").write_text(f"label,{some},first_s,last_s\nA,{zeros},0,1\n")
+    with pytest.raises(InputError, match=message):
+        read_intervals(tmp_path / "marks.csv")
+
+
+def test_windows_of_presses_without_poses_lie_to_each_other_as_the_taxels_do(tmp_path):
+    (tmp_path / "marks.csv").write_text("label,split,first_s,last_s\nA,train,0.09,0.31\nB,test,0.34,0.36\n")
+    whole = scan_of_intervals(recorded(tmp_path / "a"), read_intervals(tmp_path / "marks.csv"))
+    touches = cut(whole, 1, 1)
+    assert touches.meta["poses"] == "unknown"
+    assert set(touches.presses.tolist()) == {0, 1}
+    assert sorted(touches.poses[:, :2].tolist()) == sorted(whole.taxel_xy.tolist())
+
+
 def test_an_interval_without_readings_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text(
         "Time [ms],Elem0,Elem1,Elem2,Elem3,Elem4,Elem5\n0,1,2,3,4,5,6\n400,1,2,3,4,5,6\n"

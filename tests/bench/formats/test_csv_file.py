@@ -1,5 +1,7 @@
 """A table of presses, one a row, as a lab's script or a spreadsheet writes it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_line import refused
@@ -149,6 +151,57 @@ def test_a_scan_is_written_as_the_table_that_is_read(tmp_path, here):
     assert done.returncode == 0, done.stderr
     assert read_press_table(tmp_path / "scan.csv", PAD, "N").digest == WANTED.digest
     refused(here("export", "scan.npz", "--to", "csv", "--out", "scan.txt"), ".csv")
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.25])
+def test_poses_that_nobody_noted_come_back_from_a_table_as_such(tmp_path, here, turned):
+    """Windows of a press lie to each other as their poses say, whose they are not."""
+    poses = np.outer([0, turned, 0], [4, 0, 1.0])
+    scan = replace(WANTED, poses=poses, meta={**WANTED.meta, "poses": "unknown"})
+    scan.save(tmp_path / "scan.npz")
+    done = here("export", "scan.npz", "--to", "csv", "--out", "scan.csv")
+    assert done.returncode == 0, done.stderr
+    first = (tmp_path / "scan.csv").read_text().partition("\n")[0]
+    assert ("x_mm" in first, "poses" in first) == (turned > 0, turned > 0)
+    assert read_press_table(tmp_path / "scan.csv", PAD, "N").digest == scan.digest
+    text = (tmp_path / "scan.csv").read_text()
+    if turned:
+        (tmp_path / "scan.csv").write_text(text.replace("unknown", "", 1))
+        with pytest.raises(
+            InputError, match="line 3: either all rows say unknown in the column poses, or none"
+        ):
+            read_press_table(tmp_path / "scan.csv", PAD, "N")
+        (tmp_path / "scan.csv").write_text(text.replace("unknown", "none"))
+        with pytest.raises(InputError, match="line 2: poses: give 'unknown', got 'none'"):
+            read_press_table(tmp_path / "scan.csv", PAD, "N")
+
+
+@pytest.mark.parametrize("told", [["--poses", "none"], ["--columns", "poses=:unknown"]])
+def test_a_table_is_said_to_be_of_poses_that_nobody_noted(tmp_path, here, told):
+    """Rows of one press keep how they lie to each other."""
+    (tmp_path / "lab.csv").write_text("\n".join((TITLE, *ROWS, "B,test,0,2,-3,,2,9,8,7,6,5,4")) + "\n")
+    (tmp_path / "pad.toml").write_text("rows = 2\ncolumns = 3\nno_seam = true\n")
+    words = ["lab.csv", "--pad", "pad.toml", "--unit", "N", "--out", "scan.npz"]
+    done = here("import", *words, *told)
+    assert done.returncode == 0, done.stderr
+    scan = Scan.load(tmp_path / "scan.npz")
+    assert scan.meta["poses"] == "unknown"
+    if "none" in told:
+        assert not scan.poses[:3].any()
+        assert scan.poses[3] == pytest.approx([-2 * np.sin(3), 2 * np.cos(3), 0])
+    else:
+        assert scan.poses.tolist() == [*WANTED.poses.tolist(), [0, 2, -3]]
+    says = "--poses is of .npz, .mat and .h5 files; of a table --columns says it, as in x_mm=position"
+    refused(here("import", *words[:-1], "other.npz", "--poses", "T"), says)
+
+
+def test_columns_that_may_be_poses_are_none_where_nobody_noted_them(tmp_path):
+    (tmp_path / "lab.csv").write_text("label,x,angle,a,b,c,d,e,f\nA,1,90,1,2,3,4,5,6\n")
+    with pytest.raises(InputError, match=r"x, angle may be poses; .*--poses none"):
+        read_press_table(tmp_path / "lab.csv", PAD, "N")
+    scan = read_press_table(tmp_path / "lab.csv", PAD, "N", noted=False)
+    assert (scan.meta["poses"], scan.readings.tolist()) == ("unknown", [[1, 2, 3, 4, 5, 6]])
+    assert not scan.poses.any()
 
 
 OTHERS = "kind,position,angle,p0_fx,p0_fz,p1_fz,p2_fz,p3_fz,p4_fz,p5_fz\n"

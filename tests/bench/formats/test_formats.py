@@ -1,5 +1,6 @@
 """What all formats of a scan have in common: bit for bit, whole or not at all, a mistake is one line."""
 
+import dataclasses
 import importlib
 import json
 import os
@@ -70,6 +71,36 @@ def test_a_missing_library_is_one_line_that_names_the_extra(name, tmp_path, rng,
     with pytest.raises(InputError, match=rf"pip install 'tactsim\[{name}\]'"):
         formats.write(make_scan(rng), place(tmp_path, name), name)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_card_says_of_poses_what_the_scan_says(tmp_path, rng):
+    scan = make_scan(rng)
+    unposed = dataclasses.replace(scan, meta={**scan.meta, "poses": "unknown"})
+    for stem, one, said in (("a", scan, "at known poses"), ("b", unposed, "in poses that nobody noted")):
+        formats.write(one, tmp_path / stem, "parquet")
+        card = (tmp_path / stem / "README.md").read_text(encoding="utf-8")
+        assert card.count(said) == 3  # the name twice
+        assert ("sensor_in_object" in card) == (one is scan)
+
+
+@pytest.mark.parametrize("source", ["scan.npz", "own", "own.h5"])
+def test_of_a_scan_of_ones_own_it_is_said_that_nobody_noted_poses(source, tmp_path, here, rng):
+    scan = dataclasses.replace(make_scan(rng), presses=None)
+    scan.save(tmp_path / "scan.npz")
+    formats.write(scan, tmp_path / "own", "parquet")
+    formats.write(scan, tmp_path / "own.h5", "hdf5")
+    done = here("import", source, "--poses", "none", "--out", "new.npz")
+    assert done.returncode == 0, done.stderr
+    new = Scan.load(tmp_path / "new.npz")
+    assert not new.poses.any()
+    wanted = dataclasses.replace(scan, poses=new.poses, meta={**scan.meta, "poses": "unknown"})
+    assert new.digest == wanted.digest
+    done = here("import", "new.npz", "--poses", "none", "--out", "again.npz")
+    assert done.returncode == 0, done.stderr
+    assert Scan.load(tmp_path / "again.npz").digest == new.digest
+    words = ["import", source, "--poses", "none", "--out", "other.npz"]
+    refused(here(*words, "--zero", "3"), "--zero is of .npz, .mat and .csv files")
+    refused(here(*words, "--labels", "y"), "--labels is of .npz and .mat files")
 
 
 def test_a_folder_that_holds_something_is_refused(tmp_path, here, rng):

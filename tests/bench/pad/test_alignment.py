@@ -165,6 +165,15 @@ def test_what_cannot_be_aligned_is_refused(scan, words):
         align(scan())
 
 
+def test_poses_that_are_not_there_are_not_withheld():
+    marked, at_one = lost(scan_of(["tee"])), scan_of(["tee"])
+    at_one = replace(at_one, poses=np.zeros((len(at_one), 3)))
+    for scan, said in ((marked, "says that nobody noted poses"), (at_one, "has all presses at one pose")):
+        with pytest.raises(InputError, match=f"the scan {said}, so there are none to withhold: leave out"):
+            align(scan, withheld=True)
+    assert align(at_one)[0].meta["poses"] == "unknown"
+
+
 def test_the_verb_aligns_and_cuts_and_its_scan_is_run(here, tmp_path):
     lost(scan_of(list(BOXES), presses=6)).save(tmp_path / "presses.npz")
     cut = ["--cut", "8x8", "--stride", "4", "--touching", "3:20"]
