@@ -84,12 +84,13 @@ class WholeImage(ReadingClassifier):
         self._scale = [
             max(float(np.median(one[between])), _SAME) if len(some) > 1 else 1.0 for one in squares
         ]
-        left_out = self._choose(
-            squares, wanted[some], parts_of_presses(train)[some] if can_leave_out(train) else None
-        )
+        parts = parts_of_presses(train) if can_leave_out(train) else None
+        self._choose(squares, wanted[some], None if parts is None else parts[some])
         # Where nobody knows the poses, a sequence is one press; else its readings are of presses here and there.
-        one_press = poses_unknown(scan.meta)
-        self.shared = _shared(left_out, wanted[some], train.press_numbers[some]) if one_press else 0.0
+        self.shared = 0.0
+        several = len(np.unique(train.press_numbers)) < len(train)
+        if parts is not None and several and poses_unknown(scan.meta):
+            self.shared = self._learn_shared(train, wanted, parts)
         kernel = self._kernel(_squares(*[(view, view) for view in self._known]), self.view, self._width)
         kernel.flat[:: len(kernel) + 1] += self._ridge
         self._weights = solve(kernel, wanted, assume_a="pos")
@@ -141,35 +142,44 @@ class WholeImage(ReadingClassifier):
                 total += weight * np.exp(one / (-width * scale))
         return total
 
-    def _choose(
-        self, squares: list[FloatArray], wanted: FloatArray, part: NDArray[np.intp] | None
-    ) -> FloatArray:
-        """Choose what foretells left-out presses best: view, width, ridge and sharpness; `part` is that of a reading.
-
-        The scores of a part that is left out follow from the inverse of all of the kernel. Returns what the readings
-        say when their presses are left out, log p (n, letters); nothing where none can be.
-        """
+    def _choose(self, squares: list[FloatArray], wanted: FloatArray, part: NDArray[np.intp] | None) -> None:
+        """Choose what foretells left-out presses best: view, width, ridge and sharpness; part: of each reading."""
         self.view, self._width, self._ridge, self.sharpness = "both", 1.0, 0.01, 4.0
-        left_out = np.zeros_like(wanted)
         if part is None:  # no object was pressed twice, so no press is foretold by others
-            return left_out
+            return
         best = -np.inf
-        parts = [np.flatnonzero(part == number) for number in np.unique(part)]
         for view, width in product(_VIEWS, _WIDTHS):
             kernel = self._kernel(squares, view, width)
             for ridge in _RIDGES:
-                inverse = inv(kernel + ridge * np.eye(len(kernel)), overwrite_a=True, check_finite=False)
-                weights, scores = inverse @ wanted, wanted.copy()
-                for own in parts:
-                    scores[own] -= solve(inverse[np.ix_(own, own)], weights[own], assume_a="pos")
+                scores = _left_out(kernel, ridge, wanted, part)
                 for sharpness in _SHARPNESS:
-                    log_p = _log_p(sharpness * scores)
-                    says = float((log_p * wanted).sum())
+                    says = float((_log_p(sharpness * scores) * wanted).sum())
                     if says > best:
-                        best, left_out = says, log_p
+                        best = says
                         self.view, self._width, self._ridge = view, width, ridge
                         self.sharpness = float(sharpness)
-        return left_out
+
+    def _learn_shared(self, train: Scan, wanted: FloatArray, part: NDArray[np.intp]) -> float:
+        """Learn how much of what the readings of a press say is said by each of them, 0 to 1.
+
+        That is chosen which gives the letters of presses that are left out most log-probability, all readings together.
+        """
+        whole = _whole_presses(train.press_numbers, _CHOSEN_ON)
+        squares = _squares(*[(view[whole], view[whole]) for view in self._known])
+        kernel = self._kernel(squares, self.view, self._width)
+        log_p = _log_p(self.sharpness * _left_out(kernel, self._ridge, wanted[whole], part[whole]))
+        _, first, which, count = np.unique(
+            train.press_numbers[whole], return_index=True, return_inverse=True, return_counts=True
+        )
+        total = np.zeros((len(count), wanted.shape[1]))
+        np.add.at(total, which.reshape(-1), log_p)
+        right = wanted[whole][first] > 0
+        return max(
+            _SHARED,
+            key=lambda shared: float(
+                log_softmax(_together(total, count[:, None], shared), axis=1)[right].sum()
+            ),
+        )
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
@@ -188,21 +198,14 @@ class WholeImage(ReadingClassifier):
         return _together(self._total, max(self._felt, 1), self.shared) - self._sum
 
 
-def _shared(left_out: FloatArray, wanted: FloatArray, press: NDArray[np.int64]) -> float:
-    """Learn how much of what the readings of a press say is said by each of them, 0 to 1.
-
-    left_out: log p (n, letters) of readings whose presses are left out. wanted: the letter (n, letters), 0 or 1.
-    press: of each reading (n,). That is chosen which gives the letters of whole presses most log-probability.
-    """
-    _, first, which, count = np.unique(press, return_index=True, return_inverse=True, return_counts=True)
-    total = np.zeros((len(count), left_out.shape[1]))
-    np.add.at(total, which.reshape(-1), left_out)
-    right = wanted[first] > 0
-
-    def says(shared: float) -> float:
-        return float(log_softmax(_together(total, count[:, None], shared), axis=1)[right].sum())
-
-    return max(_SHARED, key=says)
+def _left_out(kernel: FloatArray, ridge: float, wanted: FloatArray, part: NDArray[np.intp]) -> FloatArray:
+    """Give the scores (n, letters) of readings when their part is left out, from the inverse of all of the kernel."""
+    inverse = inv(kernel + ridge * np.eye(len(kernel)), overwrite_a=True, check_finite=False)
+    weights, scores = inverse @ wanted, wanted.copy()
+    for number in np.unique(part):
+        own = np.flatnonzero(part == number)
+        scores[own] -= solve(inverse[np.ix_(own, own)], weights[own], assume_a="pos")
+    return scores
 
 
 def _together(total: FloatArray, count: NDArray[np.intp] | int, shared: float) -> FloatArray:
@@ -213,6 +216,14 @@ def _together(total: FloatArray, count: NDArray[np.intp] | int, shared: float) -
 def _evenly(count: int, most: int) -> NDArray[np.intp]:
     """Choose at most `most` of `count` readings, evenly spread over their order."""
     return np.arange(min(count, most)) * count // min(count, most)
+
+
+def _whole_presses(press: NDArray[np.int64], most: int) -> NDArray[np.intp]:
+    """Choose about `most` readings (n,), of presses evenly spread over their numbers, each with all that it has."""
+    _, which = np.unique(press, return_inverse=True)
+    count = int(which.max()) + 1
+    chosen = _evenly(count, max(1, count * most // len(press)))
+    return np.flatnonzero(np.isin(which.reshape(-1), chosen))
 
 
 def _squares(*views: tuple[FloatArray, FloatArray]) -> list[FloatArray]:
