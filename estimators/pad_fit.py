@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactsim.core import Scan
+from tactsim.core import InputError, Scan
 from tactsim.core.idle import Idle, find_idle
 from tactsim.core.pad import pitch
 from tactsim.core.poses import FloatArray
@@ -272,7 +272,8 @@ def climb(
         reached_value, reached = start, known
         for value in way:
             more = information(value)
-            if more <= reached * (least if reached_value == start else 1):
+            asked = least if reached_value == start else 1.0
+            if more <= reached * (asked if reached > 0 else 1 / asked):
                 break
             reached_value, reached = value, more
         if reached > most:
@@ -284,6 +285,11 @@ def units_of(scan: Scan, exponent: float = 1.0) -> PadUnits:
     """Find the pad's pitch beside the paper's, and the median scale of the training presses that touch."""
     length = pitch(scan.taxel_xy) / _PITCH
     readings = scan.where("train").readings
+    if readings.any() and not (readings > 0).any():
+        raise InputError(
+            "no training reading is above 0, as under load it would be: say what taxels read at rest (`bench import "
+            "--zero`)"
+        )
     plain = _typical(readings)
     bent = _typical(np.sign(readings) * np.abs(readings / plain) ** exponent) ** (1 / exponent)
     return PadUnits(1.0 if abs(length - 1) < 1e-9 or not length else length, plain * bent, exponent)

@@ -98,7 +98,8 @@ class StackedFilter(RefinedFilter):
         from tactsim.estimators.baselines.whole_image import WholeImage
 
         part = parts_of_presses(train)
-        left_out = np.flatnonzero(part == 0)
+        by_label = np.argsort(train.labels, kind="stable")  # in whatever order objects are listed
+        left_out = by_label[part[by_label] == 0]
         some = np.linspace(0, len(left_out) - 1, min(len(left_out), _TRIED)).round().astype(int)
         rest, out = train.chosen(part > 0), train.chosen(left_out[some])
         if rest.letters != train.letters or len(train.letters) < 2:

@@ -71,6 +71,7 @@ class WholeImage(ReadingClassifier):
         check_order(len(train) > 0, "a train reading", "fit")
         self._started = False
         self.labels, self.taxels = train.letters, train.readings.shape[1]
+        train = train.chosen(np.argsort(train.labels, kind="stable"))  # in whatever order objects are listed
         self._idle = find_idle(train.readings, train.presses)
         self._see(train)
         if len(train) > _FITTED:

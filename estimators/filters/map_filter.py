@@ -144,7 +144,7 @@ class MapFilter(Estimator):
             from tactsim.estimators.pad_fit import fit_to_pad
 
             pad_fit = fit_to_pad(scan, options)
-            scan, options = pad_fit.units.scan(scan), pad_fit.inner(options)
+            scan, options = pad_fit.units.scan(scan.where("train")), pad_fit.inner(options)
         # A belief that would not fit in memory is refused before hours of work.
         particles = getattr(options, "particles", None)
         if self.grid is not None:

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from synthetic import fitted_anew, make_scan, paper_poses, started
 
 from tactsim import estimators
-from tactsim.core import Scan, compose, invert
+from tactsim.core import InputError, Scan, compose, invert
 from tactsim.estimators.filters.refined import ForceMosaicOptions, RefinedOptions
 from tactsim.estimators.options import wants_pad_fit
 from tactsim.estimators.pad_fit import (
     class_information,
+    climb,
     fit_to_pad,
     mutual_information,
     pressure_information,
@@ -177,3 +178,27 @@ def test_mutual_information_against_closed_forms():
     # Of few pairs chance makes more; on average it is taken off.
     few = [mutual_information(*np.random.default_rng(seed).integers(0, 4, (2, 100))) for seed in range(300)]
     assert np.mean(few) == pytest.approx(0, abs=0.005)
+
+
+def test_a_first_step_says_more_by_a_share_whatever_the_sign():
+    """Information is below 0 where few presses are left out."""
+    assert climb(lambda value: -0.3499, (1.0, 1.4), 1.0, -0.35, 1.01) == (1.0, -0.35)
+    assert climb(lambda value: -0.3, (1.0, 1.4), 1.0, -0.35, 1.01) == (1.4, -0.3)
+    assert climb(lambda value: 0.3501, (1.0, 1.4), 1.0, 0.35, 1.01) == (1.0, 0.35)
+
+
+def test_what_only_test_readings_hold_changes_no_fit(scan):
+    stray = scan.readings.copy()
+    stray[np.flatnonzero(scan.split == "test")[0], 0] = 9e8
+    counts = replace(scan, meta={**scan.meta, "unit": "count"})
+    one, other = (
+        fitted_anew("refined", of, fit="auto", **SMALL["refined"])
+        for of in (counts, replace(counts, readings=stray))
+    )
+    assert one.pad_fit.facts() == other.pad_fit.facts()
+
+
+def test_readings_that_never_rise_are_refused_in_words(scan):
+    few = scan.with_train_presses(10, np.random.default_rng(0))  # so few do not tell what is read at rest
+    with pytest.raises(InputError, match="no training reading is above 0"):
+        fitted_anew("refined", replace(few, readings=-1e7 - few.readings), fit="auto")

@@ -155,6 +155,19 @@ def test_readings_of_a_grasp_count_as_what_they_say_together():
     assert max(after(told, [reading] * 4).values()) > max(four.values())
 
 
+def test_many_presses_are_chosen_in_whatever_order_objects_are_listed(monkeypatch):
+    monkeypatch.setattr(whole_image, "_CHOSEN_ON", 20)
+    monkeypatch.setattr(whole_image, "_FITTED", 30)
+    scan = scan_of(np.random.default_rng(4), 24)
+    other = scan.chosen(
+        np.argsort(np.char.translate(scan.labels, str.maketrans("bct", "zxy")), kind="stable")
+    )
+    assert other.letters != scan.letters
+    one, two = fitted_anew("whole-image", scan), fitted_anew("whole-image", other)
+    reading = scan.where("test").readings[0]
+    assert after(one, [reading]) == pytest.approx(after(two, [reading]), abs=1e-6)
+
+
 def test_a_touch_of_nothing_says_nothing():
     scan = scan_of(np.random.default_rng(0), 24)
     estimator = fitted_anew("whole-image", scan)
