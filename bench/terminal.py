@@ -28,6 +28,7 @@ from tactsim.bench.runs import paper
 from tactsim.bench.score import figures
 from tactsim.bench.trials import Progress as Report
 from tactsim.core.errors import counted
+from tactsim.core.provenance import poses_unknown
 
 STAGES = {
     "press": "pressing",
@@ -220,8 +221,8 @@ def _refused(run: Run) -> str:
     of = f"trials of {', '.join(run.config['hold_out'])}, {known or 0:.0%} of the others"
     if known is None:
         of = "trials, in each of which the letter itself is not known"
-    # Only maps tell that it is none of them.
-    asks = not run.about["options"].get("unknown") and run.trials.places
+    # Only maps tell that it is none of them, and maps need poses.
+    asks = not run.about["options"].get("unknown") and not poses_unknown(run.about["scan"])
     more = "; `--set unknown=0.5` lets `stacked` say so" if asks else ""
     return f"taken for none of the known letters at reading {run.readings}: {unknown:.0%} of the {of}{more}"
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from tactsim.core import InputError, Scan
 from tactsim.core.poses import FloatArray
-from tactsim.core.provenance import poses_unknown
+from tactsim.core.provenance import training_poses_unknown
 from tactsim.estimators.estimator import Estimate, Estimator, Options, PlaneBelief, proposes_none
 from tactsim.estimators.filters.refined import GradedOptions, RefinedFilter
 from tactsim.estimators.filters.states import WeightedStates
@@ -164,16 +164,6 @@ class StackedFilter(RefinedFilter):
             )
         return super().weighted_states()
 
-    @property
-    def touches(self) -> int:
-        """Count the readings so far."""
-        return super().touches if self.image is None else self.image.touches
-
-    @property
-    def located(self) -> bool:
-        """Tell whether the belief can be followed from here on: where the filter has maps."""
-        return self.image is None
-
     def belief_over_plane(self) -> PlaneBelief | None:  # type: ignore[override]
         """Show how the belief lies over the plane, mm; None of images."""
         return super().belief_over_plane() if self.image is None else None
@@ -197,7 +187,7 @@ def no_poses(presses: Scan) -> str:
     several moments, the first are compared with the first, and so on.
     """
     letters = presses.letters
-    if poses_unknown(presses.meta.get("train", presses.meta)):
+    if training_poses_unknown(presses.meta):
         return "nobody knows their poses"
     if len(letters) < 2:
         return ""

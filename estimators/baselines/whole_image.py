@@ -29,7 +29,7 @@ _RIDGES = tuple(10.0**power for power in range(-4, 2))
 _SHARPNESS = 2.0 ** np.arange(0, 7.5, 0.5)
 # The first of so many readings, evenly spread over their order; more are fitted, and more than that are left out.
 _CHOSEN_ON, _FITTED = 800, 4000
-# Readings with less than this share of the pressure of the lightest one of training feel nothing.
+# Readings with less than this share of the pressure of nearly all of training feel nothing.
 _NOTHING = 0.05
 # A spread, and a squared distance, that rounding makes.
 _SAME = 1e-6
@@ -59,10 +59,9 @@ class WholeImage(ReadingClassifier):
     Where a sequence is the readings of one press, as of a grasp, they say much the same. Then n of them count as
     n / (1 + (n - 1) shared) independent ones (the design effect, Kish 1965); left-out presses choose `shared`.
 
-    A reading that hardly feels anything, as none of training does, says nothing.
+    A reading that hardly feels anything, as few of training do, says nothing.
 
-    view: which one was chosen. sharpness: the power. shared: 0 where each reading is of a press of its own. touches:
-    how many readings were taken in.
+    view: which one was chosen. sharpness: the power. shared: 0 where each reading is of a press of its own.
     """
 
     def fit(self, scan: Scan) -> None:
@@ -75,7 +74,7 @@ class WholeImage(ReadingClassifier):
         self._idle = find_idle(train.readings, train.presses)
         self._see(train)
         if len(train) > _FITTED:
-            train = train.chosen(_evenly(len(train), _FITTED))
+            train = train.chosen(_whole_presses(train.press_numbers, _FITTED))
         letter = np.array([self.labels.index(label) for label in train.labels.tolist()])
         wanted = np.eye(len(self.labels))[letter]
         self._known = self._views(train.readings)
@@ -115,7 +114,7 @@ class WholeImage(ReadingClassifier):
         self._blur = np.repeat(radius * np.exp(-((radius * _BLUR * apart) ** 2) / 2), _ANGLES)
         rise = self._idle.rise(train.readings)
         self._floor = _FLOOR * float(np.abs(rise).sum(axis=1).mean()) or 1.0
-        self._least = _NOTHING * float(rise.clip(min=0).sum(axis=1).min())
+        self._least = _NOTHING * float(np.quantile(rise.clip(min=0).sum(axis=1), _NOTHING))
         self._mean, self._spread = np.zeros(1), np.ones(1)
         turned = self._views(train.readings)[1]
         self._mean, spread = turned.mean(axis=0), turned.std(axis=0)
@@ -185,10 +184,9 @@ class WholeImage(ReadingClassifier):
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
         super().reset(rng)
-        self._total, self._felt, self.touches = np.zeros(len(self.labels)), 0, 0
+        self._total, self._felt = np.zeros(len(self.labels)), 0
 
     def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
-        self.touches += 1
         if self._idle.rise(reading).clip(min=0).sum() >= self._least:
             views = self._views(reading[None])
             squares = _squares(*[(view, known) for view, known in zip(views, self._known, strict=True)])

@@ -60,3 +60,9 @@ def may_name_a_licence(licence: object) -> bool:
 def poses_unknown(meta: Mapping[str, Any]) -> bool:
     """Tell whether a scan's `meta` says that nobody knows how its test presses lie to the object, and to each other."""
     return bool(meta.get("poses") == NO_POSES["poses"])
+
+
+def training_poses_unknown(meta: Mapping[str, Any]) -> bool:
+    """Tell whether `meta` says so of the presses that train, which may be of another scan."""
+    train = meta.get("train")
+    return poses_unknown(train if isinstance(train, Mapping) else meta)

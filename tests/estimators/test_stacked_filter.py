@@ -65,8 +65,6 @@ def test_presses_that_lie_elsewhere_than_stated_are_named_as_whole_image_names_t
         estimator.propose([ORIGIN])
     with pytest.raises(InputError, match="by their images here, and holds no states"):
         estimator.weighted_states()
-    assert estimator.touches == 3
-    assert not estimator.located
     assert estimator.budget is None  # no bins are asked
 
 

@@ -141,7 +141,7 @@ def after(estimator, readings):
     return estimator.estimate().probabilities
 
 
-def test_readings_of_a_grasp_count_as_what_they_say_together():
+def test_readings_of_a_grasp_count_as_what_they_say_together(monkeypatch):
     """Copies say no more than one of them; independent readings are multiplied."""
     unknown = {"poses": "unknown"}
     copies, anew = (fitted_anew("whole-image", grasps(same, unknown)) for same in (True, False))
@@ -149,6 +149,8 @@ def test_readings_of_a_grasp_count_as_what_they_say_together():
     assert anew.shared < 0.2
     told = fitted_anew("whole-image", grasps(True, {}))
     assert told.shared == 0  # readings of a sequence are of presses here and there
+    monkeypatch.setattr(whole_image, "_FITTED", 60)  # grasps are kept whole where there are too many
+    assert fitted_anew("whole-image", grasps(True, unknown)).shared > 0.5
     reading = pressed("tee", 1, 2, 0.5)
     one, four = after(copies, [reading]), after(copies, [reading] * 4)
     assert four == pytest.approx(one, abs=0.05)
