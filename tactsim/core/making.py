@@ -211,7 +211,9 @@ def statements(meta: Mapping[str, Any]) -> dict[str, Any]:
             "force": "N",
         },
         "frames": {
-            "poses": "sensor_in_object: the pose [x, y, theta] of the sensor in the frame of the object",
+            "poses": "how readings of a press lie to each other, [x, y, theta]; nobody noted how to the object"
+            if poses_unknown(meta)
+            else "sensor_in_object: the pose [x, y, theta] of the sensor in the frame of the object",
             "taxel_xy": "the centres of the taxels in the frame of the sensor",
             "taxels": "taxel = columns * row + column on a whole grid; rows run along +y, columns along +x",
         },
