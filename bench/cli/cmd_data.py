@@ -19,7 +19,6 @@ from tactsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from tactsim.bench.formats.public_recordings import Recording
-    from tactsim.core import Scan
 
 
 @with_options_of(ScanWords)
@@ -219,6 +218,7 @@ def command_import(
     from tactsim.bench.formats.csv_file import TABLES, columns_of, read_press_table
     from tactsim.bench.formats.press_files import read_press_folder, with_last_to_test
     from tactsim.bench.pad import with_shapes
+    from tactsim.core import Scan
     from tactsim.core.idle import settled
     from tactsim.core.making import without_poses
     from tactsim.hardware.device import load_device
@@ -237,8 +237,14 @@ def command_import(
     foreign = source.suffix.lower() in hdf5.suffixes and hdf5.load().is_foreign(source)
     if columns is not None and not table:
         raise InputError("--columns is of a table (.csv, .tsv, .txt)")
-    others, told = frames or table or foreign or source.suffix.lower() in SUFFIXES, ""
-    if others and pad is not None and unit is not None:
+    own = not frames and source.suffix.lower() == ".npz" and _is_own_scan(source)
+    others, told = frames or table or foreign or (source.suffix.lower() in SUFFIXES and not own), ""
+    if others:
+        if pad is None or unit is None:
+            if not source.exists():
+                raise InputError(f"cannot read {source}: there is no such file")
+            missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
+            raise InputError(f"{source} does not say its pad and unit; give {' and '.join(missing)}")
         measures = load_device(pad).pad
         if frames:
             refuse_typed(context, (*names, "split"), "is of arrays; a folder has a press a file")
@@ -259,8 +265,8 @@ def command_import(
             scan = with_last_to_test(scan, shares[0])
         scan, told = settled(scan, zero, pads.idle_frames(idle))
     else:
-        if others:
-            scan = _own_scan(source, pad, unit)
+        if own:
+            scan = Scan.load(source)
             if noted:
                 raise InputError(
                     f"{source} is a scan already; use it as it is, as in `bench run --scan {source}`"
@@ -270,11 +276,11 @@ def command_import(
             scan = formats.read(source)  # and one that `bench export` did not write for that
         if pad is not None or unit is not None:
             raise InputError(
-                f"{source} says its pad and unit itself; --pad and --unit are of .npz, .mat and .csv files"
+                f"{source} says its pad and unit itself; --pad and --unit are of files of other programs"
             )
-        why = f"is of .npz and .mat files; {source} has names of its own"
+        why = f"is of files of other programs; {source} has names of its own"
         refuse_typed(context, (*names, "labels", "split"), why)
-        why = f"is of .npz, .mat and .csv files; {source} is a scan already"
+        why = f"is of files of other programs; {source} is a scan already"
         refuse_typed(context, ("zero", "idle", "test"), why)
         scan = scan if noted else without_poses(scan)
     scan = with_shapes(scan, shapes or ())
@@ -289,18 +295,21 @@ def command_import(
     )
 
 
-def _own_scan(source: Path, pad: str | None, unit: str | None) -> Scan:
-    """Load a scan of tactsim's own; of other data, what says its pad and unit is missing. Raises InputError."""
-    from tactsim.core import Scan
+def _is_own_scan(source: Path) -> bool:
+    """Tell whether a .npz is a scan of tactsim's own, of objects in the plane or in space.
 
+    Raises InputError if it is not a whole .npz file.
+    """
+    from tactsim.core.npz import MissingArrayError, read_npz
+
+    if not source.exists():
+        return False
     try:
-        return Scan.load(source)
-    except InputError:
-        if not source.exists():
-            raise InputError(f"cannot read {source}: there is no such file") from None
-        missing = [name for name, given in (("--pad", pad), ("--unit", unit)) if given is None]
-        more = f"give {' and '.join(missing)}"
-        raise InputError(f"{source} does not say its pad and unit; {more}") from None
+        return bool(read_npz(source, ("taxel_xy", "meta")))
+    except MissingArrayError as error:
+        return {"taxel_points", "meta"} <= error.there.keys()
+    except InputError as error:
+        raise InputError(f"cannot read {source}: {error}") from error
 
 
 def command_align(

@@ -6,8 +6,8 @@ import csv
 import io
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import IO, Literal
@@ -40,7 +40,8 @@ class PressRow(PlacedPress):
     poses: Literal["unknown"] | None = None
 
 
-_NO_TAXELS = {*PressRow.model_fields, "theta_deg"}
+_POSE = ("x_mm", "y_mm", "theta_rad", "theta_deg")
+_NO_TAXELS = {*PressRow.model_fields, *_POSE}
 
 
 def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
@@ -102,11 +103,13 @@ def read_press_table(
 
     The taxels are the columns t0, t1 ...; if there is no t0, all other columns whose first cell is a number, in their
     order. Separators, decimal commas and capitals are read as `named_rows` does. columns: as `columns_of` reads them.
-    Without a column of the pose nobody knows it. noted: False if nobody noted poses, whatever columns there are.
+    Without a column of the pose nobody knows it. noted: False if nobody noted poses, whatever columns there are, as if
+    the column `poses` said so: then they are read only of rows that share a press, as how these lie to each other.
 
     Raises InputError, with the line, for a row that is not whole, other taxels than the pad's, and no row at all.
     """
     rows, readings = list[PressRow](), list[list[float | None]]()
+    said = list[tuple[str, dict[str, str]]]()  # where each row is, and its words but those of taxels
     taxels: list[str] = []
     columns = dict(columns or {})
     pattern = columns.pop("taxels", None)
@@ -116,16 +119,17 @@ def read_press_table(
     for where, words in named_rows(path, "presses", PressRow, LARGE, called, unit):
         words |= same
         if not rows:
+            noted = noted and words.get("poses") != NO_POSES["poses"]
             posed = has_pose(words)
-            like = [] if posed else [name for name in words if _MAY_BE_A_POSE.match(name)]
+            like = [] if posed and noted else [name for name in words if _MAY_BE_A_POSE.match(name)]
             if like and noted and not called:
                 raise InputError(
                     f"{where}: {', '.join(like)} may be poses; call them x_mm, y_mm and theta_rad or theta_deg, or "
                     "name the columns (--columns), or say that nobody noted them (--poses none)"
                 )
-        if not posed:
-            words |= {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
-        row = checked(PressRow, {name: word for name, word in words.items() if name in _NO_TAXELS}, where)
+        told = {name: word for name, word in words.items() if name in _NO_TAXELS}
+        said.append((where, told))
+        row = checked(PressRow, told if posed and noted else _unplaced(told), where)
         if row.label.lower().rstrip(":.") in _STATISTICS and row.label not in {other.label for other in rows}:
             raise InputError(
                 f"{where}: {row.label!r} begins no press but what is told of all: leave the line out"
@@ -149,6 +153,12 @@ def read_press_table(
             got = short(words.get(name, ""))
             raise InputError(f"{where}: {name}: give a number up to 1e9, got {got}; a dead taxel may say nan")
     check_labels({row.label for row in rows})
+    if posed and not noted:
+        times = Counter(row.press for row in rows)
+        shared = [at for at, row in enumerate(rows) if row.press is not None and times[row.press] > 1]
+        for at in shared:
+            rows[at] = checked(PressRow, said[at][1], said[at][0])
+        posed = bool(shared)
     loads = np.array([math.nan if row.load_N is None else row.load_N for row in rows])
     poses, labels, split, presses = zip(
         *((row.pose, row.label, row.split, row.press) for row in rows), strict=True
@@ -157,9 +167,13 @@ def read_press_table(
         np.array(readings), np.array(poses) if posed else None, labels, split, pad, unit=unit,
         loads=None if np.isnan(loads).all() else loads, presses=None if presses[0] is None else presses,
     )  # fmt: skip
-    if rows[0].poses is not None:
-        return replace(scan, meta={**scan.meta, **NO_POSES})
-    return scan if noted else without_poses(scan)
+    return scan if noted or not posed else without_poses(scan)
+
+
+def _unplaced(words: Mapping[str, str]) -> dict[str, str]:
+    """Give the words of a row with a pose of 0 for what it says of one."""
+    others = {name: word for name, word in words.items() if name not in _POSE}
+    return others | {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
 
 
 def _taxel_columns(words: dict[str, str], unit: str, where: str, pattern: str | None) -> list[str]:

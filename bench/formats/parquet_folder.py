@@ -132,19 +132,14 @@ _KNOWN_LICENCES = (*_CC, "MIT", "Apache-2.0", "BSD-3-Clause")
 def card_of_scan(scan: Scan) -> str:
     """Write the card of a scan in Parquet: splits, columns with their units, licence; `scan.json` says all else."""
     about, taxels, presses = scan.about, scan.readings.shape[1], len(np.unique(scan.press_numbers))
-    unit, unknown = about["units"]["readings"], poses_unknown(scan.meta)
-    where = "in poses that nobody noted" if unknown else "at known poses"
+    unit = about["units"]["readings"]
+    where = "in poses that nobody noted" if poses_unknown(scan.meta) else "at known poses"
     columns = [
         ("column", "what it holds"),
         ("row", "the number of the reading in the scan, from 0"),
         ("press", "the number of the press that the reading is of: rows of one number share its errors"),
         ("label", "the object that was pressed"),
-        (
-            "pose",
-            "x mm, y mm, theta rad: how readings of a press lie to each other"
-            if unknown
-            else "sensor_in_object: x mm, y mm, theta rad",
-        ),
+        ("pose", f"mm, mm, rad: {about['frames']['poses']}"),
         ("readings", f"one value for each of {taxels} taxels, {unit}"),
     ]
     if scan.sequence_times is not None:

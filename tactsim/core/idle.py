@@ -44,6 +44,7 @@ _FILLED = 20.0  # so many readings are missing beside those that would saturate
 _DRIFTS = 0.1  # of the typical rise
 _OFF = 0.05  # of the typical rise: idle levels this far from 0 are not those of tared readings
 _END = 0.05  # of the range of most taxels: a level no further than this from the end of its taxel's range is at it
+_PARTS = 3  # of a file, at least, whose levels are compared
 _BLOCK = 25  # presses, one after the other, within which a zero that drifts stays about where it is
 _HELD = 0.5  # of the presses: a taxel that is at the end of its range in fewer is seldom at rest
 _MOVED = 0.3  # of the range of most taxels: no zero drifts further
@@ -449,11 +450,17 @@ def settled(scan: Scan, zero: str = "auto", frames: ArrayLike | None = None) -> 
 def _drift(scan: Scan, idle: Idle) -> str:
     """Say it where levels differ by a tenth of a typical rise between three to eight parts of the presses.
 
-    Each part has as much of each object, so that what objects differ by is no drift.
+    Each part has as much of each object, so that what objects differ by is no drift. Where an object has fewer than
+    three presses, the parts are what was pressed one after the other.
     """
-    count, part_of = int(np.clip(len(scan) // 60, 3, 8)), np.zeros(len(scan), dtype=np.int64)
-    for label in scan.letters:
-        own = np.flatnonzero(scan.labels == label)
+    objects = [np.flatnonzero(scan.labels == label) for label in scan.letters]
+    count, fewest = int(np.clip(len(scan) // 60, _PARTS, 8)), min(map(len, objects), default=0)
+    if fewest < _PARTS:
+        objects = [np.arange(len(scan))]
+    else:
+        count = min(count, fewest)
+    part_of = np.zeros(len(scan), dtype=np.int64)
+    for own in objects:
         part_of[own] = np.arange(len(own)) * count // len(own)
     parts = [find_rest(scan.readings[part_of == number]) for number in range(count)]
     told = np.all([part.known & (part.sign == idle.sign) for part in parts], axis=0)

@@ -211,7 +211,9 @@ def statements(meta: Mapping[str, Any]) -> dict[str, Any]:
             "force": "N",
         },
         "frames": {
-            "poses": "sensor_in_object: the pose [x, y, theta] of the sensor in the frame of the object",
+            "poses": "how readings of a press lie to each other, [x, y, theta]; nobody noted how to the object"
+            if poses_unknown(meta)
+            else "sensor_in_object: the pose [x, y, theta] of the sensor in the frame of the object",
             "taxel_xy": "the centres of the taxels in the frame of the sensor",
             "taxels": "taxel = columns * row + column on a whole grid; rows run along +y, columns along +x",
         },
@@ -310,17 +312,24 @@ def train_on(train: Scan, test: Scan) -> Scan:
 
 
 def without_poses(scan: S) -> S:
-    """State that nobody noted the poses of a scan in the plane; one that says so stays as it is.
+    """State that nobody noted the poses of a scan in the plane; one that says so of all its readings stays as it is.
 
     Readings of one press, such as windows of it, keep how they lie to its first.
     """
-    if poses_unknown(scan.meta):
+    meta = _unposed(scan.meta)
+    if meta == scan.meta:
         return scan
     _, first, press = np.unique(scan.press_numbers, return_index=True, return_inverse=True)
     begin = scan.poses[first[press.ravel()]]
     there = (scan.poses == begin).all(axis=1, keepdims=True)
     poses = np.where(there, 0.0, compose(invert(begin), scan.poses))
-    return replace(scan, poses=poses, meta={**scan.meta, **NO_POSES})
+    return replace(scan, poses=poses, meta=meta)
+
+
+def _unposed(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """State in a scan's `meta` that nobody noted poses, and so in that of the scan its training readings are from."""
+    train = meta.get("train")
+    return {**meta, **NO_POSES} | ({"train": _unposed(train)} if isinstance(train, Mapping) else {})
 
 
 def _joined_sequences(first: Scan, second: Scan) -> dict[str, Any]:

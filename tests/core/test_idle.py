@@ -316,12 +316,23 @@ def test_load_of_covered_taxels_is_not_taken_for_rest(seed, side):
         assert "taxels it cannot be told" in said
 
 
-def test_a_zero_that_drifts_is_said_of_a_file_that_is_sorted_by_object():
+@pytest.mark.parametrize(("objects", "presses"), [(2, 150), (100, 5), (100, 3), (250, 2), (500, 1)])
+def test_a_zero_that_drifts_is_said_however_few_presses_an_object_has(objects, presses):
+    counts = np.round(3000 + 20 * pressed(presses=objects * presses))
+    labels = np.tile([f"object {number}" for number in range(objects)], presses)  # in turn
+    drift = np.linspace(0, 300, len(counts)).round()[:, None]
+    assert "drifts" not in settled(replace(scan_of(counts), labels=labels))[1]
+    assert "drifts" in settled(replace(scan_of(counts + drift), labels=labels))[1]
+
+
+def test_what_objects_differ_by_is_no_drift_of_a_file_that_is_sorted_by_object():
+    """One of the two presses on all taxels harder, so that fewer of them rest in its presses."""
+    rng = np.random.default_rng(0)
     counts = np.round(3000 + 20 * pressed(presses=300))
-    labels = np.repeat(["A", "B"], 150)
-    drift = np.tile(np.linspace(0, 300, 150).round(), 2)[:, None]
-    of_two = replace(scan_of(counts + drift), labels=labels)
-    assert "drifts" in settled(of_two)[1]
+    counts[150:] += np.where(rng.random(counts[150:].shape) < 0.8, 120, 0)
+    of_two = replace(scan_of(counts), labels=np.repeat(["A", "B"], 150))
+    assert "drifts" not in settled(of_two)[1]
+    assert "drifts" in settled(replace(of_two, labels=np.full(300, "A")))[1]  # nobody could tell
 
 
 def test_of_taxels_that_are_always_covered_nothing_is_taken_off():

@@ -30,6 +30,11 @@ def test_a_scan_that_says_nothing_is_in_kpa_and_has_no_licence():
     assert about["frames"]["poses"].startswith("sensor_in_object")
 
 
+def test_of_poses_that_nobody_noted_it_is_said_what_they_are():
+    frames = scan_with({"poses": "unknown"}).about["frames"]
+    assert frames["poses"].startswith("how readings of a press lie to each other")
+
+
 @pytest.mark.parametrize("unit", ["kpa", None, ["kPa"], "x" * 1000])
 def test_an_unknown_unit_is_one_line(unit):
     with pytest.raises(

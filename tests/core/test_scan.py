@@ -11,7 +11,7 @@ from scipy import stats
 
 from tactsim.bench import formats
 from tactsim.core import InputError, Pad, Scan, compose
-from tactsim.core.making import names_of, readings_a_press, splits_of, train_on
+from tactsim.core.making import names_of, readings_a_press, splits_of, train_on, without_poses
 from tactsim.core.pad import offsets
 from tactsim.core.poses import wrap_angle
 
@@ -372,6 +372,20 @@ def test_a_scan_of_arrays_without_poses_says_that_nobody_noted_them():
     assert "poses" not in Scan.from_arrays(FLAT, np.zeros((4, 3)), list("AABB"), pad=PAD).meta
     with pytest.raises(InputError, match="labels are missing"):
         Scan.from_arrays(FLAT, pad=PAD)
+
+
+@pytest.mark.parametrize("noted", [("train", "test"), ("train",), ("test",)])
+def test_that_nobody_noted_poses_is_said_of_training_readings_of_another_scan_too(noted):
+    poses = np.arange(12.0).reshape(4, 3) / 10
+    halves = [
+        Scan.from_arrays(FLAT, poses if split in noted else None, list("AABB"), [split] * 4, PAD)
+        for split in ("train", "test")
+    ]
+    unposed = without_poses(train_on(*halves))
+    assert unposed.meta["poses"] == unposed.meta["train"]["poses"] == "unknown"
+    assert not unposed.poses.any()
+    assert without_poses(unposed) is unposed
+    assert unposed.about["train"]["frames"] == unposed.about["frames"]
 
 
 @pytest.mark.parametrize("shape", [(4, 6), (4, 2, 3)])

@@ -166,6 +166,13 @@ def test_arrays_are_imported_by_their_names(tmp_path, here):
         (["a.npz", "--out", "scan.npz"], "give --pad and --unit"),
         (["a.npz", "--pad", "emulated", "--out", "scan.npz"], "give --unit"),
         (["ours.npz", "--out", "scan.npz"], "ours.npz is a scan already"),
+        (["ours.npz", *WORDS], "ours.npz is a scan already"),
+        (
+            ["solids.npz", "--poses", "none", "--out", "scan.npz"],
+            "objects in space, which only `bench run --task",
+        ),
+        (["half.npz", "--out", "scan.npz"], "cannot read half.npz: it is not a whole .npz file"),
+        (["none.npz", "--out", "scan.npz"], "cannot read none.npz: there is no such file"),
         (["a.npz", "--readings", "reading", *WORDS], "it has no array 'reading'; it has 'labels', 'poses', "),
         (["b.h5", *WORDS], "says its pad and unit itself"),
         (
@@ -184,6 +191,8 @@ def test_a_mistake_is_one_line(words, says, tmp_path, here):
     save(tmp_path / "a.mat")
     ours = Scan.from_arrays(READINGS, POSES, list("ABAB"), pad=PAD, unit="N")
     ours.save(tmp_path / "ours.npz")
+    (tmp_path / "half.npz").write_bytes((tmp_path / "ours.npz").read_bytes()[:500])
+    np.savez(tmp_path / "solids.npz", taxel_points=np.zeros((6, 3)), readings=READINGS, meta="{}")
     formats.write(ours, tmp_path / "b.h5", "hdf5")
     save_hdf5(tmp_path / "lab.h5")
     refused(here("import", *words), says)

@@ -186,11 +186,8 @@ def test_a_table_is_said_to_be_of_poses_that_nobody_noted(tmp_path, here, told):
     assert done.returncode == 0, done.stderr
     scan = Scan.load(tmp_path / "scan.npz")
     assert scan.meta["poses"] == "unknown"
-    if "none" in told:
-        assert not scan.poses[:3].any()
-        assert scan.poses[3] == pytest.approx([-2 * np.sin(3), 2 * np.cos(3), 0])
-    else:
-        assert scan.poses.tolist() == [*WANTED.poses.tolist(), [0, 2, -3]]
+    assert not scan.poses[:3].any()
+    assert scan.poses[3] == pytest.approx([-2 * np.sin(3), 2 * np.cos(3), 0])
     says = "--poses is of .npz, .mat and .h5 files; of a table --columns says it, as in x_mm=position"
     refused(here("import", *words[:-1], "other.npz", "--poses", "T"), says)
 
@@ -202,6 +199,36 @@ def test_columns_that_may_be_poses_are_none_where_nobody_noted_them(tmp_path):
     scan = read_press_table(tmp_path / "lab.csv", PAD, "N", noted=False)
     assert (scan.meta["poses"], scan.readings.tolist()) == ("unknown", [[1, 2, 3, 4, 5, 6]])
     assert not scan.poses.any()
+
+
+@pytest.mark.parametrize(
+    ("names", "cells"),
+    [
+        ("x_mm,y_mm", "1,2"),
+        ("x_mm,y_mm,theta_rad", ",,"),
+        ("x_mm,y_mm,theta_rad", "left,?,n.a."),
+        ("x_mm,y_mm,theta_rad", "1,2,90"),
+        ("x_mm,y_mm,heading", "1,2,90"),
+        ("theta_deg,theta_rad", "90,90"),
+    ],
+)
+@pytest.mark.parametrize("told", ["noted", "columns", "column"])
+def test_columns_of_poses_that_nobody_noted_are_not_read_but_of_rows_of_one_press(
+    tmp_path, names, cells, told
+):
+    said = ",unknown" if told == "column" else ""
+    title = f"label,press,{names}{',poses' if said else ''},a,b,c,d,e,f"
+    called = columns_of("poses=:unknown") if told == "columns" else None
+    for other in (2, 1):
+        rows = (f"A,1,{cells}{said},1,2,3,4,5,6", f"A,{other},{cells}{said},1,1,2,2,3,3")
+        (tmp_path / "lab.csv").write_text("\n".join((title, *rows)) + "\n")
+        if other == 1:
+            with pytest.raises(InputError, match=r"line 2: .*(x_mm|theta_rad)"):
+                read_press_table(tmp_path / "lab.csv", PAD, "N", called, noted=told != "noted")
+        else:
+            scan = read_press_table(tmp_path / "lab.csv", PAD, "N", called, noted=told != "noted")
+            assert (scan.meta["poses"], scan.readings[0].tolist()) == ("unknown", [1, 2, 3, 4, 5, 6])
+            assert not scan.poses.any()
 
 
 OTHERS = "kind,position,angle,p0_fx,p0_fz,p1_fz,p2_fz,p3_fz,p4_fz,p5_fz\n"

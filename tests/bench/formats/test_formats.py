@@ -99,8 +99,9 @@ def test_of_a_scan_of_ones_own_it_is_said_that_nobody_noted_poses(source, tmp_pa
     assert done.returncode == 0, done.stderr
     assert Scan.load(tmp_path / "again.npz").digest == new.digest
     words = ["import", source, "--poses", "none", "--out", "other.npz"]
-    refused(here(*words, "--zero", "3"), "--zero is of .npz, .mat and .csv files")
-    refused(here(*words, "--labels", "y"), "--labels is of .npz and .mat files")
+    refused(here(*words, "--zero", "3"), f"--zero is of files of other programs; {source} is a scan")
+    refused(here(*words, "--labels", "y"), "--labels is of files of other programs")
+    refused(here(*words, "--pad", "emulated", "--unit", "count"), f"{source} says its pad and unit itself")
 
 
 def test_a_folder_that_holds_something_is_refused(tmp_path, here, rng):
