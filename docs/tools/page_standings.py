@@ -50,7 +50,8 @@ def _table(of: Standings) -> str:
     rows += [
         [MISSING, _escaped(one.label), _escaped(f"no score: {one.status}"), *[""] * 4] for one in of.unranked
     ]
-    columns = [column for column in zip(*rows, strict=True) if set(column[1:]) - {MISSING, ""}]
+    # What ranks after one reading is what is right after one.
+    columns = dict.fromkeys(column for column in zip(*rows, strict=True) if set(column[1:]) - {MISSING, ""})
     return f"{markdown_table(list(zip(*columns, strict=True)))}\n{_origin(of)}\n"
 
 
