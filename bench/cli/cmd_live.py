@@ -96,10 +96,11 @@ def command_live(
     with opened as source, PadReader(source, described, " ".join(port)) as reader:
         with progress_bars() as progress:
             train = _training(train_scan, described, shapes or (), progress)
-            train = on_taxels(train, source.taxel_xy, str(train_scan or "the simulation"))
+            learned_from = str(train_scan or "the simulation")
+            train = on_taxels(train, source.taxel_xy, learned_from)
             if (unit := train.meta.get("unit", "kPa")) != source.unit:
                 raise InputError(
-                    f"{train_scan} is in {unit}, the pad reads {source.unit}; give a scan of this pad"
+                    f"{learned_from} is in {unit}, the pad reads {source.unit}; give a scan of this pad"
                 )
             progress("map", 0, 1)
             recogniser = Recogniser.fitted(made, train, seed, np.array(plan.poses) if asks() else None)
