@@ -430,6 +430,10 @@ def _about(session: SessionRecord) -> dict[str, Any]:
     }
 
 
+# Columns that say something of a pose.
+POSE_COLUMNS = ("x_mm", "y_mm", "theta_rad", "theta_deg")
+
+
 class PlacedPress(BaseModel):
     """One line of a table of presses: what is pressed where, sensor_in_object; the angle may be `theta_deg`."""
 
@@ -508,8 +512,8 @@ def read_intervals(path: str | Path) -> list[Interval]:
 
 
 def has_pose(names: Iterable[str]) -> bool:
-    """Tell whether a table with columns of these names says of a pose anything."""
-    return not {"x_mm", "y_mm", "theta_rad", "theta_deg"}.isdisjoint(names)
+    """Tell whether a table with columns of these names says anything of a pose."""
+    return not set(POSE_COLUMNS).isdisjoint(names)
 
 
 def named_rows(

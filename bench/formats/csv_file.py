@@ -23,7 +23,7 @@ from tactsim.core.errors import short
 from tactsim.core.finite import LARGEST
 from tactsim.core.making import without_poses
 from tactsim.core.provenance import NO_POSES, poses_unknown
-from tactsim.hardware.scans import PlacedPress, has_pose, named_rows
+from tactsim.hardware.scans import POSE_COLUMNS, PlacedPress, has_pose, named_rows
 from tactsim.hardware.text_tables import check_taxel_names
 
 TABLES = (".csv", ".tsv", ".txt", ".log", ".asc", ".lvm")
@@ -40,8 +40,7 @@ class PressRow(PlacedPress):
     poses: Literal["unknown"] | None = None
 
 
-_POSE = ("x_mm", "y_mm", "theta_rad", "theta_deg")
-_NO_TAXELS = {*PressRow.model_fields, *_POSE}
+_NO_TAXELS = {*PressRow.model_fields, *POSE_COLUMNS}
 
 
 def write_press_table(scan: Scan, stream: IO[bytes]) -> None:
@@ -172,7 +171,7 @@ def read_press_table(
 
 def _unplaced(words: Mapping[str, str]) -> dict[str, str]:
     """Give the words of a row with a pose of 0 for what it says of one."""
-    others = {name: word for name, word in words.items() if name not in _POSE}
+    others = {name: word for name, word in words.items() if name not in POSE_COLUMNS}
     return others | {"x_mm": "0", "y_mm": "0", "theta_rad": "0"}
 
 

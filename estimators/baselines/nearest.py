@@ -55,9 +55,14 @@ class ReadingClassifier(Estimator):
     def estimate(self) -> Estimate:
         """Say which letter it is, and what is known of the place."""
         check_order(self._started, "reset" if self.labels else "fit", "estimate")
-        p = np.exp(self._sum - self._sum.max())
+        said = self._log_belief()
+        p = np.exp(said - said.max())
         best = int(p.argmax())
         return Estimate(self.labels[best], probabilities(self.labels, p), self._robot_in_object[best].copy())
+
+    def _log_belief(self) -> FloatArray:
+        """Give what the readings so far say of the letters, (letters,), up to a constant: each as much as alone."""
+        return self._sum
 
     @property
     def work(self) -> dict[str, Any]:

@@ -184,17 +184,19 @@ class WholeImage(ReadingClassifier):
     def reset(self, rng: np.random.Generator) -> None:
         """Forget the sequence: every letter is equally probable again."""
         super().reset(rng)
-        self._total, self._felt = np.zeros(len(self.labels)), 0
+        self._felt = 0
 
     def _log_p_of(self, reading: FloatArray, sensor_in_robot: FloatArray) -> FloatArray:
-        if self._idle.rise(reading).clip(min=0).sum() >= self._least:
-            views = self._views(reading[None])
-            squares = _squares(*[(view, known) for view, known in zip(views, self._known, strict=True)])
-            scores = self._kernel(squares, self.view, self._width) @ self._weights
-            self._evaluated += 1
-            self._total += _log_p(self.sharpness * scores)[0]
-            self._felt += 1
-        return _together(self._total, max(self._felt, 1), self.shared) - self._sum
+        if self._idle.rise(reading).clip(min=0).sum() < self._least:
+            return np.zeros(len(self.labels))
+        self._felt += 1
+        views = self._views(reading[None])
+        squares = _squares(*[(view, known) for view, known in zip(views, self._known, strict=True)])
+        self._evaluated += 1
+        return _log_p(self.sharpness * self._kernel(squares, self.view, self._width) @ self._weights)[0]
+
+    def _log_belief(self) -> FloatArray:
+        return _together(self._sum, max(self._felt, 1), self.shared)
 
 
 def _left_out(kernel: FloatArray, ridge: float, wanted: FloatArray, part: NDArray[np.intp]) -> FloatArray:

@@ -329,7 +329,8 @@ def find_rest(readings: ArrayLike, presses: NDArray[np.int64] | None = None) -> 
     above, level = values * idle.sign, idle.level * idle.sign
     low, high = np.quantile(above, _TAILS, axis=0)
     wide = float(np.quantile(high - low, 0.9))
-    widths = np.array([_shorth_width(_lower_half(column)) for column in above.T])
+    halves = [_lower_half(column) for column in above.T]
+    widths = np.array([_shortest(half, (len(half) + 1) // 2) for half in halves])
     noise = float(np.quantile(widths[high - low >= _FELT * wide], 0.1))
     noise = noise if noise <= _LOUD * wide else 0.0
     blocks = np.array_split(above, np.clip(len(above) // _BLOCK, 2, 8))
@@ -484,11 +485,6 @@ def _shortest(ordered: FloatArray, count: int) -> float:
     if len(ordered) < count:
         return float("inf")
     return float(np.min(ordered[count - 1 :] - ordered[: len(ordered) - count + 1]))
-
-
-def _shorth_width(ordered: FloatArray) -> float:
-    """Give the width of the shortest interval that holds half of the readings (n,), in order."""
-    return _shortest(ordered, (len(ordered) + 1) // 2)
 
 
 def _shorth(ordered: FloatArray, near_equal: float) -> float:
